@@ -27,7 +27,7 @@ from winding_core.markers import (
     positions,
 )
 from winding_recorder.bags.contents import configuration_of, recorded_parameters
-from winding_recorder.bags.reading import decoded, messages_of, opened
+from winding_recorder.bags.reading import decoded, opened, stamped_messages
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud
 
@@ -95,7 +95,7 @@ def _recorded(bag: Path) -> list[Instant]:
             if link.topic.endswith(f"/{name}")
         }
         links = [link for link in reader.connections if link.topic in wanted]
-        for link, stamp, data in messages_of(reader, links):
+        for link, stamp, _, data in stamped_messages(reader, links):
             number = round(stamp * 1e-9 / STEP)
             if abs(stamp * 1e-9 - number * STEP) > 1e-4:
                 continue

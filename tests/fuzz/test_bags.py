@@ -14,10 +14,12 @@ from hypothesis import strategies as st
 from made_bags import Bags, changed, storage_file
 from made_up import write_database
 
+from marker_tracker_node.camera.frame_sources import FrameSource, read_bag
+from marker_tracker_node.camera.recordings import RecordingError
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.description import METADATA, BagError
-from winding_recorder.bags.reading import read_notes
+from winding_recorder.bags.reading import opened, read_notes, stamped_messages
 from winding_recorder.bags.recover import recover
 from winding_recorder.bags.tables import export
 
@@ -59,18 +61,27 @@ def try_everything(path: Path, scratch: Path) -> set[str]:
         "notes": lambda: read_notes(path if path.is_dir() else path.parent),
         "recover": lambda: recover(path, scratch / "out"),
         "export": lambda: export(path, scratch / "tables", "csv"),
+        "track": lambda: (read_bag(path), list(FrameSource(path))),
+        "play": lambda: drained(path),
     }
     refused = {}
     for name, action in actions.items():
         try:
             action()
-        except BagError as error:
+        except (BagError, RecordingError) as error:
             refused[name] = str(error)
         finally:
             for left in ("out", "tables"):
                 shutil.rmtree(scratch / left, ignore_errors=True)
     assert all(sentence and "\n" not in sentence for sentence in refused.values())
     return set(refused)
+
+
+def drained(path: Path) -> None:
+    """Read every message, as a player does."""
+    with opened(path) as reader:
+        for _ in stamped_messages(reader, list(reader.connections)):
+            pass
 
 
 KINDS = ["plain.mcap", "packed.mcap", "base.db3"]

@@ -16,7 +16,14 @@ from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.readings import AxisReading
-from winding_recorder.bags.description import COMPLETE, PARAMETERS, YES, BagError, jazzy_channel
+from winding_recorder.bags.description import (
+    COMPLETE,
+    PARAMETERS,
+    YES,
+    BagError,
+    StoredMessage,
+    jazzy_channel,
+)
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
@@ -50,7 +57,8 @@ def recording(folder: Path, *, off: float, mode: ControlMode = ControlMode.DRIVE
     def write(topic: topics.Topic, t: float, message: object) -> None:
         counts[topic] += 1
         data = decoder.canonical(topic.type_name, message)
-        writer.write(RECORDED.index(topic), round(1e9 * t), data, counts[topic])
+        stamp = round(1e9 * t)
+        writer.write(RECORDED.index(topic), StoredMessage(data, stamp, stamp, counts[topic]))
 
     for t in np.arange(0.0, SECONDS, PERIOD):
         (angle, guide), (speed, feed) = DRIVE.positions(t), DRIVE.speeds(t)

@@ -5,6 +5,7 @@ from collections import Counter
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import make_reader
 from mcap.records import Chunk, Message
 from mcap.stream_reader import StreamReader, breakup_chunk
 from rosbags.highlevel import AnyReader
@@ -12,7 +13,14 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.readings import AxisReading
-from winding_recorder.bags.description import COMPLETE, LOST, YES, Channel, jazzy_channel
+from winding_recorder.bags.description import (
+    COMPLETE,
+    LOST,
+    YES,
+    Channel,
+    StoredMessage,
+    jazzy_channel,
+)
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
@@ -66,25 +74,36 @@ class Bags:
     def writer(folder: Path, notes: dict[str, str] | None = None, **config: object) -> BagWriter:
         return BagWriter(folder, [*map(channel_of, RECORDED)], BagConfig(**config), notes)
 
-    def write_run(self, writer: BagWriter, samples: int) -> None:
-        """Write so many milliseconds of a run; pictures at 200 Hz."""
+    def write_run(self, writer: BagWriter, samples: int, began: int = 0) -> None:
+        """Write so many milliseconds of a run; pictures at 200 Hz.
+
+        Args:
+            writer: Of the recording.
+            samples: Milliseconds.
+            began: When the run's time was zero, by the clock of arrivals [ns]; 0 as in recordings
+                of before arrival times were recorded.
+        """
         rng = np.random.default_rng(7)
+
+        def write(channel: int, data: bytes, number: int) -> None:
+            writer.write(channel, StoredMessage(data, began + stamp, stamp, number))
+
         for sample in range(samples):
             stamp, t = sample * 1_000_000, sample * 1e-3
             joints = self.bytes_of(self.joints, encode_joint_state(t, self.reading_at(t)))
-            writer.write(self.joints, stamp, joints, sample + 1)
+            write(self.joints, joints, sample + 1)
             if sample % 10 == 0:
                 tension = self.bytes_of(self.tension, encode_tension(t, 2.5))
-                writer.write(self.tension, stamp, tension, sample // 10 + 1)
+                write(self.tension, tension, sample // 10 + 1)
             if sample % 5 == 0:
                 frame = rng.integers(0, 256, (*FRAME, 3), dtype=np.uint8)
                 image = self.bytes_of(self.image, encode_image(t, frame))
-                writer.write(self.image, stamp, image, sample // 5 + 1)
+                write(self.image, image, sample // 5 + 1)
 
-    def whole(self, folder: Path, samples: int = 600, **config: object) -> Path:
+    def whole(self, folder: Path, samples: int = 600, began: int = 0, **config: object) -> Path:
         """Return a recording that was closed."""
         writer = self.writer(folder, **config)
-        self.write_run(writer, samples)
+        self.write_run(writer, samples, began)
         lost = {f"{LOST}{channel_of(topic).name}": "0" for topic in RECORDED}
         writer.close({COMPLETE: YES, **lost})
         return folder
@@ -103,6 +122,15 @@ class Bags:
             for link, stamp, data in reader.messages():
                 writer.write(links[link.id], stamp, data)
         return folder
+
+    @staticmethod
+    def messages(folder: Path) -> list[tuple[str, Message]]:
+        """Return (topic, message) of the only file of a recording, in the order of arrival."""
+        with storage_file(folder).open("rb") as stream:
+            return [
+                (channel.topic, message)
+                for _, channel, message in make_reader(stream).iter_messages()
+            ]
 
     @staticmethod
     def counts(path: Path) -> Counter[str]:

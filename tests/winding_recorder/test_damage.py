@@ -12,7 +12,7 @@ from mcap.reader import make_reader
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.description import BagError
+from winding_recorder.bags.description import BagError, StoredMessage
 from winding_recorder.bags.reading import opened
 from winding_recorder.bags.recover import recover
 
@@ -96,7 +96,7 @@ def test_a_gap_and_a_step_back_are_found(bags: Any, tmp_path: Path) -> None:
     with opened(full) as reader:
         joints = [(t, bytes(d)) for c, t, d in reader.messages() if "joint" in c.topic]
     for stamp, data in [*joints[:100], *joints[110:150], joints[120], *joints[150:]]:
-        writer.write(bags.joints, stamp, data)
+        writer.write(bags.joints, StoredMessage(data, stamp, stamp))
     writer.close()
     findings = check(tmp_path / "bag").findings
     name = "/winding/rig/joint_states"

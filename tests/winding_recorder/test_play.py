@@ -15,12 +15,13 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
-from winding_recorder.bags.description import BagError, jazzy_channel
+from winding_recorder.bags.description import BagError, StoredMessage, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import messages_of, opened
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.player import Pacing, Player
 from winding_ros import topics
+from winding_ros.messages.rig import encode_tension
 from winding_ros.topic import PolledTopic, Topic
 
 pytestmark = pytest.mark.processes
@@ -127,6 +128,21 @@ def test_a_topic_that_somebody_publishes_is_refused(ros: Any, made: Path, play: 
     ros.spin_until(lambda: player.published == 780)
 
 
+def test_what_came_while_the_graph_was_started_takes_no_time(
+    bags: Any, ros: Any, tmp_path: Path, play: Any
+) -> None:
+    began = 1_764_000_000_000_000_000
+    writer = bags.writer(tmp_path / "bag")
+    early = bags.bytes_of(bags.tension, encode_tension(0.0, 1.5))
+    writer.write(bags.tension, StoredMessage(early, began - 3600 * 10**9, 0))
+    bags.write_run(writer, 100, began)
+    writer.close()
+    player = play(tmp_path / "bag", Pacing(1.0))
+    ros.spin_until(lambda: player.published == 131)
+    # An hour before is not late.
+    assert player.latest < 1800.0
+
+
 def test_an_unknown_topic_is_refused(made: Path, play: Any) -> None:
     with pytest.raises(BagError, match="has no topic /x"):
         play(made, Pacing(1.0), wanted=frozenset({"/x"}))
@@ -138,7 +154,7 @@ def test_latched_topics_reach_who_comes_late(
     topic = renamed(topics.FEM_PREDICTION)
     channel = jazzy_channel(topic.name, topic.type_name, depth=topic.depth, latched=True)
     writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
-    writer.write(0, 0, bytes(serialize_message(PointCloud2())))
+    writer.write(0, StoredMessage(bytes(serialize_message(PointCloud2())), 0, 0))
     writer.close()
     player = play(tmp_path / "bag", Pacing(1.0))
     ros.spin_until(lambda: player.published == 1)

@@ -1,7 +1,7 @@
 """A run of real processes: its bag is whole, nothing was lost, and its nodes' work repeats."""
 
 import shutil
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ from rosbags.highlevel import AnyReader
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
+from winding_recorder.bags.reading import opened, stamped_messages
 from winding_recorder.playback.replay import replay
 from winding_ros import topics
 
@@ -26,6 +27,8 @@ RECORDED = {
     if topic.recorded
 }
 
+# Arrivals are dates: of after 2023 [ns].
+_LONG_AGO = 1_700_000_000 * 10**9
 # This run is not commanded from outside, and no lay is controlled in it.
 SILENT = {
     name
@@ -119,6 +122,16 @@ def test_a_folder_that_is_no_recording_is_refused_in_one_sentence(
     assert "winding: " in refused.stderr
 
 
+@pytest.mark.parametrize("action", ["info", "check", "replay", "play", "export", "recover"])
+def test_a_recording_that_is_not_there_is_no_command(
+    command: Callable[..., Any], tmp_path: Path, action: str
+) -> None:
+    options = {"replay": ["--node", "fem"], "export": ["--output", "t"], "recover": ["new"]}
+    refused = command("bag", action, "missing", *options.get(action, []), cwd=tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.strip() == "winding: there is no recording at missing"
+
+
 def test_any_reader_finds_every_topic_of_the_contract(bag: Path) -> None:
     with AnyReader([bag]) as reader:
         found = {connection.topic: connection for connection in reader.connections}
@@ -131,13 +144,16 @@ def test_any_reader_finds_every_topic_of_the_contract(bag: Path) -> None:
 
 def test_every_topic_is_there_from_the_start(bag: Path) -> None:
     first: dict[str, int] = {}
-    with AnyReader([bag]) as reader:
-        for connection, stamp, _ in reader.messages():
-            first.setdefault(connection.topic, stamp)
-        begin = reader.start_time
+    arrivals: dict[str, list[int]] = defaultdict(list)
+    with opened(bag) as reader:
+        for link, stamp, arrived, _ in stamped_messages(reader, list(reader.connections)):
+            first.setdefault(link.topic, stamp)
+            arrivals[link.topic].append(arrived)
     assert set(first) == set(RECORDED) - SILENT
     for name, stamp in first.items():
-        assert stamp - begin <= 100_000_000, f"{name} begins late"
+        # The machine's time begins at zero.
+        assert stamp <= 100_000_000, f"{name} begins late"
+        assert arrivals[name][0] >= _LONG_AGO
 
 
 def test_fast_topics_have_no_hole(bag: Path, recorded_run: Any) -> None:

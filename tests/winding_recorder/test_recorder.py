@@ -1,8 +1,11 @@
 """The recorder on live topics: nothing lost, bags one after the other, a disk that fills up."""
 
 import json
+import shutil
+import struct
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -10,23 +13,29 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_bags import READING
+from made_bags import READING, Bags
+from rclpy.serialization import serialize_message
+from std_msgs.msg import Float64
 from std_srvs.srv import SetBool
 
 from winding_core.markers import wound_markers
 from winding_core.status import Level
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.description import COMPLETE, YES
+from winding_recorder.bags.description import COMPLETE, YES, BagError
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import read_notes
-from winding_recorder.live.bag_series import free_folder
+from winding_recorder.live.bag_series import BagSeries, free_folder
 from winding_recorder.live.recorder import Recorder, RecorderError
 from winding_ros import services, topics
+from winding_ros.client.async_client import AsyncClient
 from winding_ros.environment import child_environment
 from winding_ros.messages.camera import encode_image
 from winding_ros.messages.clouds import encode_cloud
 from winding_ros.messages.diagnostics import decode_diagnostics
-from winding_ros.messages.rig import decode_joint_state, encode_joint_state
+from winding_ros.messages.rig import decode_joint_state, encode_joint_state, encode_tension
+from winding_ros.messages.stamps import decode_stamp, with_stamp
+from winding_ros.topic import Taken, Topic
 
 pytestmark = pytest.mark.processes
 
@@ -135,27 +144,149 @@ def test_a_recording_that_cannot_begin_gives_the_reason(ros: Any, tmp_path: Path
         Recorder(ros.plain("host"), tmp_path / "file" / "bag", recorded=[topics.JOINT_STATES])
 
 
-def test_bytes_without_a_stamp_are_counted_and_the_recording_goes_on(
-    ros: Any, tmp_path: Path
+NUMBER = replace(topics.TENSION, name="rig/humidity", type=Float64, rate=None)
+
+
+def stamped(seconds: int, nanoseconds: int = 0) -> bytes:
+    """Return a joint state with a stamp that no node of this project gives."""
+    data = encode_joint_state(0.0, READING)
+    return with_stamp(data, struct.pack("<iI", seconds, nanoseconds))
+
+
+@pytest.mark.parametrize(
+    ("topic", "data", "published"),
+    [
+        (topics.JOINT_STATES, stamped(-3, 5), None),
+        (topics.DIAGNOSTICS, stamped(-(2**31), 999_999_999), None),
+        (topics.JOINT_STATES, stamped(2**31 - 1, 999_999_999), 2**31 * 10**9 - 1),
+        (topics.JOINT_STATES, stamped(2**31 - 1, 2**32 - 1), (2**31 - 1) * 10**9 + 2**32 - 1),
+        (topics.DIAGNOSTICS, stamped(0), 0),
+        (topics.JOINT_STATES, b"\x00\x01\x00\x00\xff\xff", None),
+        (topics.DIAGNOSTICS, b"\x00\x01\x00\x00" + b"\xff" * 50, 3_294_967_295),
+        # Its bytes, read as a stamp, are 13 s and 1.07 thousand million nanoseconds before 1970.
+        (NUMBER, bytes(serialize_message(Float64(data=-0.7))), None),
+        (NUMBER, bytes(serialize_message(Float64(data=6.25))), None),
+    ],
+    ids=["-3 s", "least", "last", "beyond", "zero", "short", "garbage", "number", "exact number"],
+)
+def test_no_message_ends_the_recording(
+    ros: Any, tmp_path: Path, topic: Topic, data: bytes, published: int | None
+) -> None:
+    """Every message is stored under its arrival, and the answers to the machine go on."""
+    machine = ros.plain("machine")
+    joints = topics.JOINT_STATES.advertise(machine)
+    other = joints if topic is topics.JOINT_STATES else topic.advertise(machine)
+    progress: list[float] = []
+    topics.RECORDER_PROGRESS.subscribe(machine, lambda m: progress.append(decode_stamp(m.stamp)))
+    recorded = [topics.JOINT_STATES, topics.DIAGNOSTICS, NUMBER]
+    before = time.time_ns()
+    recorder = Recorder(ros.plain("host"), tmp_path / "bag", recorded=recorded)
+    ros.spin_until(lambda: joints.get_subscription_count() == 1 == other.get_subscription_count())
+    joints.publish(encode_joint_state(7.25, READING))
+    ros.spin_until(lambda: recorder.buffer.last_stamp(topics.JOINT_STATES) == pytest.approx(7.25))
+    other.publish(data)
+    # The recorder publishes diagnostics of its own, which are stored as well.
+    ros.spin_until(lambda: recorder.bags.writer.taken >= 2)
+    joints.publish(encode_joint_state(7.5, READING))
+    ros.spin_until(lambda: bool(progress) and progress[-1] == 7.5)
+    ros.spin_until(lambda: recorder.buffer.last_stamp(topics.JOINT_STATES) == pytest.approx(7.5))
+    recorder.close()
+    assert recorder.error is None
+    assert read_notes(tmp_path / "bag")[COMPLETE] == YES
+    stored = Bags.messages(tmp_path / "bag")
+    assert all(before <= message.log_time <= time.time_ns() for _, message in stored)
+    (found,) = (
+        m for name, m in stored if name.endswith(topic.name) and m.data[: len(data)] == data
+    )
+    if published is None:
+        # What has no stamp that a recording can hold was published when it was sent.
+        assert abs(found.publish_time - found.log_time) < 60 * 10**9
+    else:
+        assert found.publish_time == published
+    assert list(recorder.buffer.readings(topics.JOINT_STATES, decode_joint_state))[-1][0] == 7.5
+
+
+def test_what_has_no_stamp_is_named_once_with_its_reason(ros: Any, tmp_path: Path) -> None:
+    machine = ros.plain("machine")
+    publisher = topics.TENSION.advertise(machine)
+    heard: list[Any] = []
+    topics.DIAGNOSTICS.subscribe(machine, lambda m: heard.extend(decode_diagnostics(m)[1]))
+    recorder = Recorder(ros.plain("host"), tmp_path / "bag", recorded=[topics.TENSION])
+    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    for _ in range(3):
+        publisher.publish(b"\x00\x01\x00\x00\x07")
+    named = (
+        "rig/tension: 3 messages are not in the report, the first because a stamped message has "
+        "at least 12 bytes, got "
+    )
+    ros.spin_until(lambda: any(named in status.message for status in heard))
+    recorder.close()
+    (shortfall,) = recorder.shortfalls
+    assert shortfall.startswith(named)
+    assert contents(tmp_path / "bag").topics[0].messages == 3
+
+
+def test_what_cannot_be_stored_is_left_out_and_found(tmp_path: Path) -> None:
+    """A computer whose clock stands before 1970 gives arrivals that no recording can hold."""
+    name = f"/winding/{topics.TENSION.name}"
+    series = BagSeries([topics.TENSION], {topics.TENSION.name: name}, BagConfig(), {})
+    series.begin(tmp_path / "bag")
+    data = encode_tension(1.0, 2.5)
+    good = Taken(data, 1, 0, 0, 5 * 10**9, 6 * 10**9)
+    series.take(topics.TENSION, 10**9, good)
+    for number in (2, 3):
+        with pytest.raises(BagError, match="arrived at -1 ns, which must be within 0"):
+            series.take(topics.TENSION, 10**9, good._replace(number=number, arrived_at_ns=-1))
+        series.refused.add(topics.TENSION.name, "it arrived at -1 ns")
+    series.take(topics.TENSION, 2 * 10**9, good._replace(number=4))
+    series.end()
+    verdict = check(tmp_path / "bag")
+    assert verdict.messages == 2
+    sentence = "2 messages could not be stored, the first because it arrived at -1 ns"
+    assert f"{name}: {sentence}" in verdict.findings
+
+
+@pytest.mark.parametrize("gone", ["folder", "file"])
+def test_a_bag_that_is_removed_is_not_named_and_the_run_goes_on(
+    ros: Any, tmp_path: Path, gone: str
 ) -> None:
     machine = ros.plain("machine")
     publisher = topics.JOINT_STATES.advertise(machine)
     heard: list[Any] = []
     topics.DIAGNOSTICS.subscribe(machine, lambda m: heard.extend(decode_diagnostics(m)[1]))
-    recorder = Recorder(ros.plain("host"), tmp_path / "bag", recorded=[topics.JOINT_STATES])
+    bag = tmp_path / "bag"
+    recorder = Recorder(ros.plain("host"), bag, recorded=[topics.JOINT_STATES])
     ros.spin_until(lambda: publisher.get_subscription_count() == 1)
-    publisher.publish(b"\x00\x01\x00\x00")
-    publisher.publish(b"\x00\x01\x00\x00" + b"\xff" * 40)
-    publisher.publish(encode_joint_state(1.0, READING))
-    ros.spin_until(lambda: recorder.buffer.last_stamp(topics.JOINT_STATES) == 1.0)
-    ros.spin_until(lambda: any("1 messages had no stamp" in s.message for s in heard))
+    publisher.publish(encode_joint_state(0.5, READING))
+    ros.spin_until(lambda: recorder.bags.writer.taken == 1)
+    if gone == "folder":
+        shutil.rmtree(bag)
+    else:
+        (bag / "bag_0.mcap").unlink()
+    ros.spin_until(lambda: any(s.level is Level.ERROR for s in heard if s.name == "recorder"))
+    publisher.publish(encode_joint_state(0.75, READING))
+    ros.spin_until(lambda: recorder.buffer.last_stamp(topics.JOINT_STATES) == pytest.approx(0.75))
     recorder.close()
-    # Bytes that are no joint state are kept in the bag and left out of what is read back.
-    assert contents(tmp_path / "bag").topics[0].messages == 2
-    assert list(recorder.buffer.readings(topics.JOINT_STATES, decode_joint_state)) == [
-        (1.0, READING)
+    assert str(recorder.error).endswith(f"the bag {bag} was removed")
+    assert recorder.bags.present() == ()
+
+
+def test_what_ends_with_the_recorder_asserts_no_liveliness(ros: Any) -> None:
+    """Two participants of one process assert it under each other's locks, and may wait for ever."""
+    client = AsyncClient("cell")
+    recorder = Recorder(client.node, None, recorded=[topics.JOINT_STATES])
+    own = {topics.ORCHESTRATOR, topics.RECORDER}
+    found = [
+        information
+        for name, _ in client.node.get_topic_names_and_types()
+        for information in client.node.get_publishers_info_by_topic(name)
+        if information.node_name in own
     ]
-    assert recorder.buffer.newest(topics.JOINT_STATES, decode_joint_state) == (1.0, READING)
+    recorder.close()
+    client.close()
+    assert {information.node_name for information in found} == own
+    leases = {item.topic_type: item.qos_profile.liveliness_lease_duration for item in found}
+    assert all(lease.nanoseconds >= 2**62 for lease in leases.values()), leases
 
 
 class Desk:
@@ -265,6 +396,19 @@ def test_recording_again_and_time_that_goes_back_get_bags_of_their_own(
     assert counts(tmp_path / "bag-3")["fem/prediction"] == 1
     for name in ("bag", "bag-2", "bag-3"):
         assert check(tmp_path / name).findings == []
+
+
+@pytest.mark.parametrize("stamp", [4000.0, -2.0])
+def test_a_stamp_of_another_time_begins_no_further_bag(
+    desk: Desk, tmp_path: Path, stamp: float
+) -> None:
+    desk.record(on=True)
+    desk.wind(0, 700)
+    desk.joints.publish(encode_joint_state(stamp, READING))
+    desk.wind(700, 300)
+    desk.record(on=False)
+    assert desk.recorder.bags.folders == [tmp_path / "bag"]
+    assert counts(tmp_path / "bag")["rig/joint_states"] == 1001
 
 
 def test_notes_of_a_new_run_are_not_those_of_the_last_one(desk: Desk, tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """Process replay: the same inputs give the same answers, whatever order they arrived in."""
 
 import json
+import random
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -8,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from made_bags import channel_of
+from made_bags import channel_of, storage_file
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from winding_core.markers import MARKER_DTYPE
-from winding_recorder.bags.description import PARAMETERS, BagError
+from winding_recorder.bags.description import PARAMETERS, BagError, StoredMessage
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import Decoder
 from winding_recorder.bags.writer import BagWriter
@@ -38,8 +39,14 @@ def inputs(reading_at: Any) -> Iterator[tuple[Topic, int, Any]]:
             yield topics.TENSION, sample, encode_tension(t, 2.0 + 0.01 * (sample % 70))
 
 
-def record(folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0) -> Path:
-    """Record what the solver's work answers to messages that arrive in some order."""
+def record(
+    folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0, began: int | None = None
+) -> Path:
+    """Record what the solver's work answers to messages that arrive in some order.
+
+    Bag times are arrivals, one each 0.1 ms from `began` [ns] on; stamps as in older recordings
+    where that is None.
+    """
     channels = [*map(channel_of, RECORDED)]
     notes = {f"{PARAMETERS}{topics.FEM}": json.dumps(PARAMETERS_OF_RUN)}
     writer = BagWriter(folder, channels, BagConfig(), notes)
@@ -51,7 +58,9 @@ def record(folder: Path, arrivals: list[tuple[Topic, Any]], *, harm: float = 0.0
             markers["theta"][0] = harm
             data = with_stamp(encode_cloud(0.0, markers), stamp_bytes(data))
         data = decoder.canonical(topic.type_name, data)
-        writer.write(RECORDED.index(topic), serialised_stamp_ns(data), data)
+        stamp = serialised_stamp_ns(data)
+        arrived = stamp if began is None else began + 100_000 * writer.taken
+        writer.write(RECORDED.index(topic), StoredMessage(data, arrived, stamp))
 
     handler = FemHandler(FemParameters(**PARAMETERS_OF_RUN))
     for answer in handler.begin(0.0):
@@ -86,13 +95,48 @@ def test_answers_do_not_depend_on_the_order_of_arrival(
         inputs(bags.reading_at),
         key=lambda item: item[1] + (late if item[0] is topics.TENSION else 0),
     )
-    bag = record(tmp_path / "bag", [(topic, message) for topic, _, message in delayed])
+    in_time = [(topic, message) for topic, _, message in delayed]
+    bag = record(tmp_path / "bag", in_time, began=1_764_000_000 * 10**9)
     other = replay(bag, "fem")
     # The last samples still waited for their tension when the recording ended.
     assert other.comparisons
     assert all(comparison.missing == 0 for comparison in other.comparisons)
     assert all(comparison.identical == comparison.compared for comparison in other.comparisons)
     assert other.digest == replay(in_order, "fem").digest
+
+
+def test_a_message_of_another_time_holds_back_no_other(
+    bags: Any, in_order: Path, tmp_path: Path
+) -> None:
+    arrivals = [(topic, message) for topic, _, message in inputs(bags.reading_at)]
+    future = encode_tension(5000.0, 2.2)
+    arrivals.insert(120, (topics.TENSION, future))
+    answered = replay(in_order, "fem")
+    bag = record(tmp_path / "bag", arrivals, began=10**18)
+    other = replay(bag, "fem")
+    assert other.inputs == answered.inputs + 1
+    assert other.digest == answered.digest
+
+
+def test_a_damaged_recording_is_refused_in_a_sentence(
+    bags: Any, in_order: Path, tmp_path: Path
+) -> None:
+    """A database has no checksums: what is flipped reaches the replay."""
+    folder = bags.as_sqlite(in_order, tmp_path / "bag")
+    file = storage_file(folder)
+    whole, rng = file.read_bytes(), random.Random(29)
+    refused = []
+    for _ in range(12):
+        spoiled = bytearray(whole)
+        for _ in range(300):
+            spoiled[rng.randrange(4096, len(spoiled))] ^= 1 << rng.randrange(8)
+        file.write_bytes(spoiled)
+        try:
+            replay(folder, "fem", parameters=PARAMETERS_OF_RUN)
+        except BagError as error:
+            refused.append(str(error))
+    assert refused
+    assert all(sentence and "\n" not in sentence for sentence in refused)
 
 
 @pytest.mark.slow

@@ -39,6 +39,15 @@ def test_joint_states_become_columns_by_joint(made: Path, tmp_path: Path, form: 
     assert table["cylinder_joint.velocity"][500].as_py() == pytest.approx(0.87, rel=1e-9)
 
 
+def test_stamp_and_arrival_stand_side_by_side(bags: Any, tmp_path: Path) -> None:
+    folder = bags.whole(tmp_path / "bag", 40, began=1_700_000_000_000_000_000)
+    files = export(folder, tmp_path / "t", "parquet", frozenset({"/winding/rig/tension"}))
+    table = pyarrow.parquet.read_table(files[0])
+    np.testing.assert_allclose(table["t"], [0.0, 0.01, 0.02, 0.03], atol=1e-12)
+    # Seconds since the epoch are carried to 0.2 us.
+    np.testing.assert_allclose(np.array(table["arrival"]) - 1.7e9, table["t"], atol=1e-6)
+
+
 def test_pictures_leave_their_pixels_in_the_bag(made: Path, tmp_path: Path) -> None:
     (file,) = export(made, tmp_path / "t", "csv", frozenset({"/winding/camera/image_raw"}))
     table = pyarrow.csv.read_csv(file)
@@ -122,14 +131,14 @@ def test_a_cloud_that_contradicts_itself_is_refused(bags: Any, tmp_path: Path) -
     from rclpy.serialization import serialize_message
     from sensor_msgs.msg import PointCloud2
 
-    from winding_recorder.bags.description import jazzy_channel
+    from winding_recorder.bags.description import StoredMessage, jazzy_channel
     from winding_recorder.bags.mcap_file import BagConfig
     from winding_recorder.bags.writer import BagWriter
 
     cloud = PointCloud2(height=1, width=5, point_step=8, row_step=40)
     channel = jazzy_channel("/c", "sensor_msgs/msg/PointCloud2", depth=1, latched=False)
     writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
-    writer.write(0, 0, bytes(serialize_message(cloud)))
+    writer.write(0, StoredMessage(bytes(serialize_message(cloud)), 0, 0))
     writer.close()
     with pytest.raises(BagError, match="contradicts itself"):
         export(tmp_path / "bag", tmp_path / "tables", "csv")

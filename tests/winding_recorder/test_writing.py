@@ -1,11 +1,14 @@
 """What the writer puts on the disk, seen by foreign readers."""
 
 import json
+import math
 import os
 import resource
 import signal
 import subprocess
 import sys
+import tracemalloc
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +20,12 @@ from mcap_ros2.decoder import DecoderFactory
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
-from winding_recorder.bags.description import COMPLETE, BagError, jazzy_channel
+from winding_recorder.bags.description import COMPLETE, BagError, StoredMessage, jazzy_channel
 from winding_recorder.bags.mcap_file import CHUNK_BYTES, BagConfig
 from winding_recorder.bags.reading import read_notes
 from winding_recorder.bags.recover import recover
 from winding_ros import topics
+from winding_ros.messages.rig import encode_tension
 
 SAMPLES = 600
 # Of 600 samples every one, every 10th and every 5th.
@@ -86,6 +90,81 @@ def test_a_sqlite_recording_is_read_and_whole(bags: Any, made: Path, tmp_path: P
     assert bags.counts(folder) == COUNTS
     assert check(folder).findings == []
     assert {topic.name: topic.messages for topic in contents(folder).topics} == COUNTS
+
+
+def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the way to every value of nested mappings and lists."""
+    inner = content.items() if isinstance(content, dict) else enumerate(content)
+    for key, value in inner:
+        if isinstance(value, dict | list) and value:
+            yield from places(value, (*path, key))
+        else:
+            yield (*path, key)
+
+
+def test_metadata_that_contradicts_the_file_is_found_wherever_it_does(
+    bags: Any, tmp_path: Path
+) -> None:
+    folder = bags.whole(tmp_path / "bag", 30, began=1_700_000_000_000_000_000)
+    file = folder / "metadata.yaml"
+    text = file.read_text(encoding="utf-8")
+    unseen = []
+    for *way, last in places(yaml.safe_load(text)):
+        content = place = yaml.safe_load(text)
+        for key in way:
+            place = place[key]
+        value = place[last]
+        place[last] = value + 7 if isinstance(value, int) else f"{value or ''}x"
+        file.write_text(yaml.safe_dump(content), encoding="utf-8")
+        if not check(folder).findings:
+            unseen.append((*way, last))
+    assert unseen == []
+
+
+def test_a_database_s_metadata_is_held_against_it(bags: Any, made: Path, tmp_path: Path) -> None:
+    folder = bags.as_sqlite(made, tmp_path / "sqlite")
+    file = folder / "metadata.yaml"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace("WrenchStamped", "Wrench"), encoding="utf-8")
+    (finding,) = check(folder).findings
+    assert finding.startswith("/winding/rig/tension: metadata.yaml states type")
+
+
+def test_bag_times_are_arrivals_and_rates_those_of_each_topic(bags: Any, tmp_path: Path) -> None:
+    began = 1_764_000_000_000_000_000
+    writer = bags.writer(tmp_path / "bag")
+    # One message of half an hour before, stamped zero, makes no bag of 1970 and no other rates.
+    early = bags.bytes_of(bags.tension, encode_tension(0.0, 1.5))
+    writer.write(bags.tension, StoredMessage(early, began - 1800 * 10**9, 0))
+    bags.write_run(writer, 400, began)
+    writer.close()
+    content = contents(tmp_path / "bag")
+    assert content.start == pytest.approx(began * 1e-9 - 1800.0)
+    assert content.duration == pytest.approx(1800.399)
+    rates = {topic.name.rpartition("/")[2]: topic.rate for topic in content.topics}
+    assert rates["joint_states"] == pytest.approx(1000.0)
+    assert rates["image_raw"] == pytest.approx(200.0)
+    assert check(tmp_path / "bag").findings == []
+    sqlite = contents(bags.as_sqlite(tmp_path / "bag", tmp_path / "sqlite"))
+    assert {topic.name.rpartition("/")[2]: topic.rate for topic in sqlite.topics} == rates
+
+
+def test_the_index_in_memory_does_not_grow_with_the_recording(bags: Any, tmp_path: Path) -> None:
+    """A file that ends takes its index with it."""
+    tracemalloc.start()
+    try:
+        writer = bags.writer(tmp_path / "bag", split_bytes=400_000, chunk_bytes=2000)
+        held = []
+        for part in range(4):
+            bags.write_run(writer, 200, part * 10**9)
+            held.append(tracemalloc.get_traced_memory()[0])
+    finally:
+        tracemalloc.stop()
+    writer.close()
+    assert 0 < BagConfig().split_bytes < math.inf
+    assert len(list((tmp_path / "bag").glob("*.mcap"))) > 4
+    # Chunks of 2 kB, one for each picture: 120 of them are in a file at most.
+    assert held[3] - held[1] < 200_000
 
 
 def test_the_seals_of_older_recordings_are_ignored(copied: Path) -> None:

@@ -27,7 +27,7 @@ from winding_rig_node.ros.parameters import RigParameters
 from winding_ros import graph, services, topics
 from winding_ros.messages.serialised import MessageError
 from winding_ros.messages.stamps import serialised_stamp_ns
-from winding_ros.runtime.heartbeat import Sign, watch_heartbeat
+from winding_ros.runtime.heartbeat import hear_heartbeat
 from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
@@ -64,7 +64,7 @@ class RigNode(ManagedNode[RigParameters]):
         services.SET_CAMERA_INFO.serve(self, self._set_camera_info)
         self.frame_listener: FrameListener | None = None
         follow_fault_parameters(self, self._put_in)
-        watch_heartbeat(self, topics.ORCHESTRATOR, self._note_supervisor)
+        hear_heartbeat(self, topics.ORCHESTRATOR, self._note_supervisor)
 
     def configure(self) -> None:
         """Build machine, lay and camera, unless that runs elsewhere; advertise everything."""
@@ -178,8 +178,8 @@ class RigNode(ManagedNode[RigParameters]):
             raise PhaseError(f"cannot start while {self.endpoints.rivals()[0]}")
         loop.command(loop.start)
 
-    def _note_supervisor(self, sign: Sign) -> None:
-        if sign is Sign.ALIVE and self._loop is not None:
+    def _note_supervisor(self) -> None:
+        if self._loop is not None:
             self._loop.hear_supervisor()
 
     def _put_in(self, faults: Faults) -> None:

@@ -144,6 +144,8 @@ class Taken(NamedTuple):
     number: int  # DDS counts a publisher's messages 1, 2, 3 and so on.
     sent_ns: int  # When its publisher sent it, on this host's monotonic clock [ns].
     received_ns: int  # When it arrived, on the same clock, however late it was taken [ns].
+    published_at_ns: int  # When it was sent, by the clock of its publisher's system [ns].
+    arrived_at_ns: int  # When it arrived, by the clock of this system [ns].
 
 
 class PolledTopic:
@@ -182,6 +184,8 @@ class PolledTopic:
                     information["publication_sequence_number"],
                     information["source_timestamp"] + offset,
                     information["received_timestamp"] + offset,
+                    information["source_timestamp"],
+                    information["received_timestamp"],
                 )
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rosbags.highlevel import AnyReader, AnyReaderError
+from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from marker_tracker_node.camera.image_formats import ImageFormatError, PixelReader, RawImage
@@ -309,9 +309,11 @@ def read_bag(path: Path) -> Recording:
     for kind, t, message in messages(path, ("CameraInfo", "JointState")):
         if kind == "CameraInfo" and camera is None:
             camera = _camera_of(message)
-        elif kind == "JointState" and "cylinder_joint" in message.name and len(message.position):
+        elif kind == "JointState":
             place = dict(zip(message.name, message.position, strict=False))
-            readings.append((t, place["cylinder_joint"], place.get("carriage_joint", math.nan)))
+            if "cylinder_joint" in place:
+                angle = place["cylinder_joint"]
+                readings.append((t, angle, place.get("carriage_joint", math.nan)))
     # Set points have the same type and joints as readings; the stream with most samples counts.
     ordered = sorted({row[0]: row for row in readings}.values())
     motion = None
@@ -336,8 +338,10 @@ def messages(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, float, A
                 message: Any = reader.deserialize(raw, link.msgtype)
                 stamp = message.header.stamp
                 yield link.msgtype.rsplit("/", 1)[-1], stamp.sec + 1e-9 * stamp.nanosec, message
-    except (AnyReaderError, OSError) as error:
-        raise RecordingError(f"cannot read {path}: {error}") from error
+    except Exception as error:
+        # The reader has no closed list of what it raises on damaged bytes.
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RecordingError(f"cannot read {path}: {reason}") from error
 
 
 def _busiest(links: list[Any]) -> list[Any]:

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import fields
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -28,6 +29,8 @@ if TYPE_CHECKING:
     from winding_reports.records.identity import Origin
 
 _KEY_PERIOD = 0.1
+# A bag time below is no date: the year 2001 [s].
+_DATES = 1e9
 
 bag = typer.Typer(
     help="Look into recordings, check, recover, play, replay and export them.",
@@ -59,7 +62,9 @@ def info(source: Source) -> None:
         content = contents(source)
     console = result_console()
     size = sum(content.files.values()) / MEGABYTE
-    console.print(f"{source}: {content.duration:.3f} s from {content.start:.3f} s, {size:.2f} MB")
+    console.print(
+        f"{source}: {content.duration:.3f} s from {_moment(content.start)}, {size:.2f} MB"
+    )
     for name, length in content.files.items():
         console.print(f"  {name}  {length / MEGABYTE:.2f} MB", highlight=False)
     if COMPLETE in content.notes:
@@ -69,22 +74,21 @@ def info(source: Source) -> None:
     wound = _wound(content.notes)
     if wound:
         console.print(f"wound: {wound}", highlight=False)
-    duration = content.duration
     columns = (
         Shown("topic", lambda topic: topic.name),
         Shown("type", lambda topic: topic.type_name),
         Shown("messages", lambda topic: topic.messages),
-        Shown("Hz", lambda topic: _rate(topic.messages, duration), ".1f"),
+        Shown("Hz", lambda topic: topic.rate, ".1f"),
         Shown("lost", lambda topic: topic.lost, missing="not counted"),
     )
     console.print(record_table(columns, content.topics, words=2, box=None, padding=(0, 2)))
 
 
-def _rate(messages: int, duration: float) -> float | None:
-    """Return messages per second [1/s]; None of a single one."""
-    if messages <= 1:
-        return None
-    return (messages - 1) / duration if duration > 0.0 else 0.0
+def _moment(t: float) -> str:
+    """Return a bag time [s] as a date; older recordings count from the beginning of the run."""
+    if t < _DATES:
+        return f"{t:.3f} s"
+    return datetime.fromtimestamp(t, UTC).isoformat(sep=" ", timespec="milliseconds")
 
 
 def _wound(notes: Mapping[str, str]) -> str:
@@ -258,7 +262,7 @@ def report(
     Exit code 1 if a limit that is given is not known to be kept.
     """
     from winding_cli.run.wanted_lay import held_against
-    from winding_core.parameters import build, typed_values
+    from winding_core.parameters import ParameterError, build, typed_values
     from winding_recorder.bags.description import BagError
 
     with refused(ValueError):
@@ -266,7 +270,7 @@ def report(
         limit = typed_values(ErrorLimit, errors, spelled)
         kept = build(ErrorLimit, limit, owner="winding bag report")
     check_output_folder(out, "--output", new=True)
-    with refused(BagError, code=FAILED):
+    with refused(BagError, ParameterError, code=FAILED):
         write_recorded_report(source, out, held, kept.error_limit_pct, errors_held=bool(limit))
 
 

@@ -96,7 +96,7 @@ def run(
     compression: Annotated[str, typer.Option(help="Of MCAP chunks: none or zstd.")] = "none",
     split_mb: Annotated[
         float, typer.Option(help="Begin a further file of the bag after so many MB; 0: never.")
-    ] = 0.0,
+    ] = 2000.0,
     output: Annotated[
         Path | None,
         typer.Option(help="New folder of logs, report and numbers; runs/<time>-case<N> otherwise."),

@@ -1,33 +1,28 @@
-"""Look for damage in a recording: every checksum, every message, every count, every stamp."""
+"""Look for damage in a recording: every checksum, every message, every stamp."""
 
 from __future__ import annotations
 
 import sqlite3
 from array import array
-from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from mcap.records import Channel, Message, Schema
 from numpy.typing import NDArray
 
-from winding_recorder.bags.description import COMPLETE, LOST, YES, BagError
+from winding_recorder.bags.check_metadata import Found, FoundTopic, contradictions
+from winding_recorder.bags.description import COMPLETE, LOST, REFUSED, YES, BagError, reason
 from winding_recorder.bags.mcap_scan import Scan, scan, summary_damage
-from winding_recorder.bags.reading import (
-    Decoder,
-    read_information,
-    read_notes,
-    reason,
-    storage_files,
-)
+from winding_recorder.bags.reading import Decoder, read_notes, storage_files
 
 # Of the rhythm of a topic.
 _PERIODIC_SHARE = 0.9
 _TOLERANCE = 0.05
 _GAP = 1.5
 _FEW = 10
+_LATEST = 2**63 - 1
 
 
 @dataclass(kw_only=True)
@@ -35,19 +30,19 @@ class Verdict:
     """What a check found.
 
     Attributes:
-        stamps: Bag times [ns] by topic, in the order they were stored.
-        counts: Messages by file name.
+        found: What the storage files hold, by file name.
+        stamps: Times of publication [ns] by topic, in the order of arrival.
     """
 
     findings: list[str] = field(default_factory=list)  # What is wrong, one sentence each
     remarks: list[str] = field(default_factory=list)  # What should be known, one sentence each
-    stamps: dict[str, array[int]] = field(default_factory=lambda: defaultdict(lambda: array("q")))
-    counts: dict[str, int] = field(default_factory=lambda: defaultdict(int))
+    found: dict[str, Found] = field(default_factory=dict)
+    stamps: dict[str, array[int]] = field(default_factory=dict)
 
     @property
     def messages(self) -> int:
         """Messages that were read."""
-        return sum(self.counts.values())
+        return sum(found.messages for found in self.found.values())
 
 
 def check(path: Path) -> Verdict:
@@ -63,19 +58,21 @@ def check(path: Path) -> Verdict:
     files = storage_files(path)
     decoder = Decoder()
     for file in files:
-        messages = _mcap(file, verdict) if file.suffix == ".mcap" else _sqlite(file, verdict)
-        _check_messages(file, messages, decoder, verdict)
+        found = verdict.found[file.name] = Found()
+        read = _mcap if file.suffix == ".mcap" else _sqlite
+        _check_messages(file, read(file, found, verdict), decoder, verdict)
     if path.is_dir():
-        _check_metadata(path, verdict)
+        verdict.findings += contradictions(path, verdict.found)
     _check_stamps(path, verdict)
     return verdict
 
 
-Messages = Iterator[tuple[str, str, str, int, bytes]]
+# Topic, arrival [ns], publication [ns] and bytes of each message.
+Messages = Iterator[tuple[str, int, int, bytes]]
 
 
-def _mcap(path: Path, verdict: Verdict) -> Messages:
-    """Yield (topic, type, definition, stamp, bytes) of every message."""
+def _mcap(path: Path, found: Found, verdict: Verdict) -> Messages:
+    """Yield every message of an MCAP file."""
     result = Scan()
     unchecked = chunks = 0
     for chunk in scan(path, result):
@@ -84,9 +81,13 @@ def _mcap(path: Path, verdict: Verdict) -> Messages:
         if chunk.damage:
             verdict.findings.append(f"{path.name}: chunk at byte {chunk.offset}: {chunk.damage}")
         for message in chunk.messages:
-            yield _described(path, message, result)
+            yield _described(message, result, found)
     for message in result.loose:
-        yield _described(path, message, result)
+        yield _described(message, result, found)
+    for channel in result.channels.values():
+        if channel.schema_id in result.schemas:
+            _describe(channel, result.schemas[channel.schema_id], found)
+    found.inner = result.notes.get("rosbag2", {}).get("serialized_metadata", "")
     if result.damage:
         verdict.findings.append(
             f"{path.name}: no whole record behind byte {result.end}: {result.damage}"
@@ -105,17 +106,28 @@ def _mcap(path: Path, verdict: Verdict) -> Messages:
         )
 
 
-def _described(path: Path, message: Any, result: Scan) -> tuple[str, str, str, int, bytes]:
+def _described(message: Message, result: Scan, found: Found) -> tuple[str, int, int, bytes]:
     channel = result.channels.get(message.channel_id)
     schema = result.schemas.get(channel.schema_id) if channel else None
     if channel is None or schema is None:
         raise BagError(f"a message of the unknown channel {message.channel_id}")
-    definition = schema.data.decode("utf-8", errors="replace")
-    return channel.topic, schema.name, definition, message.log_time, message.data
+    _describe(channel, schema, found)
+    return channel.topic, message.log_time, message.publish_time, message.data
 
 
-def _sqlite(path: Path, verdict: Verdict) -> Messages:
-    """Yield (topic, type, definition, stamp, bytes) of every message."""
+def _describe(channel: Channel, schema: Schema, found: Found) -> None:
+    if channel.topic not in found.topics:
+        found.topics[channel.topic] = FoundTopic(
+            type_name=schema.name,
+            definition=schema.data.decode("utf-8", errors="replace"),
+            encoding=channel.message_encoding,
+            type_hash=channel.metadata.get("topic_type_hash", ""),
+            profiles=channel.metadata.get("offered_qos_profiles", ""),
+        )
+
+
+def _sqlite(path: Path, found: Found, verdict: Verdict) -> Messages:
+    """Yield every message of a database."""
     connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
     try:
         (whole,) = connection.execute("PRAGMA integrity_check").fetchone()
@@ -126,75 +138,48 @@ def _sqlite(path: Path, verdict: Verdict) -> Messages:
                 "SELECT topic_type, encoded_message_definition FROM message_definitions"
             )
         )
-        topics = {
-            key: (name, kind, definitions.get(kind, ""))
-            for key, name, kind in connection.execute("SELECT id, name, type FROM topics")
-        }
+        names = {}
+        for key, name, kind, encoding, profiles, type_hash in connection.execute(
+            "SELECT id, name, type, serialization_format, offered_qos_profiles, "
+            "type_description_hash FROM topics"
+        ):
+            names[key] = name
+            found.topics[name] = FoundTopic(
+                type_name=kind,
+                definition=definitions.get(kind, ""),
+                encoding=encoding,
+                type_hash=type_hash,
+                profiles=profiles,
+            )
         for key, stamp, data in connection.execute(
             "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
         ):
-            yield (*topics[key], stamp, data)
+            yield names[key], stamp, stamp, data
+        found.inner = _inner_of(connection)
     finally:
         connection.close()
 
 
+def _inner_of(connection: sqlite3.Connection) -> str:
+    row = connection.execute("SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1").fetchone()
+    return str(row[0]) if row else ""
+
+
 def _check_messages(path: Path, messages: Messages, decoder: Decoder, verdict: Verdict) -> None:
     undecodable: dict[str, str] = {}
+    found = verdict.found[path.name]
     try:
-        for topic, kind, definition, stamp, data in messages:
-            verdict.stamps[topic].append(stamp)
-            verdict.counts[path.name] += 1
+        for topic, arrived, published, data in messages:
+            verdict.stamps.setdefault(topic, array("q")).append(min(published, _LATEST))
+            stated = found.add(topic, arrived)
             try:
-                decoder.learn(kind, definition)
-                decoder.decode(kind, data)
+                decoder.learn(stated.type_name, stated.definition)
+                decoder.decode(stated.type_name, data)
             except BagError as error:
-                undecodable.setdefault(topic, f"message at {stamp * 1e-9:.6f} s is {error}")
+                undecodable.setdefault(topic, f"message at {arrived * 1e-9:.6f} s is {error}")
     except Exception as error:  # noqa: BLE001 - damaged bytes raise whatever they hit
         verdict.findings.append(f"{path.name}: cannot be read on: {reason(error)}")
     verdict.findings += [f"{topic}: {text}" for topic, text in undecodable.items()]
-
-
-def _check_metadata(folder: Path, verdict: Verdict) -> None:
-    try:
-        information = read_information(folder)
-        declared = {
-            item["topic_metadata"]["name"]: int(item["message_count"])
-            for item in information["topics_with_message_count"]
-        }
-        total = int(information["message_count"])
-        files = {item["path"]: int(item["message_count"]) for item in information["files"]}
-        begin = int(information["starting_time"]["nanoseconds_since_epoch"])
-        length = int(information["duration"]["nanoseconds"])
-    except BagError as error:
-        verdict.findings.append(str(error))
-        return
-    except (KeyError, TypeError, ValueError) as error:
-        verdict.findings.append(f"metadata.yaml cannot be understood: {reason(error)}")
-        return
-    for name in sorted(declared.keys() | verdict.stamps.keys()):
-        counted = len(verdict.stamps.get(name, ()))
-        if declared.get(name, 0) != counted:
-            verdict.findings.append(
-                f"{name}: metadata.yaml states {declared.get(name, 0)} messages, "
-                f"there are {counted}"
-            )
-    if total != verdict.messages:
-        verdict.findings.append(
-            f"metadata.yaml states {total} messages in all, there are {verdict.messages}"
-        )
-    for name in sorted(files.keys() | verdict.counts.keys()):
-        if files.get(name, 0) != verdict.counts.get(name, 0):
-            verdict.findings.append(
-                f"{name}: metadata.yaml states {files.get(name, 0)} messages, "
-                f"there are {verdict.counts.get(name, 0)}"
-            )
-    first = min((min(stamps) for stamps in verdict.stamps.values()), default=0)
-    last = max((max(stamps) for stamps in verdict.stamps.values()), default=0)
-    if verdict.messages and (begin, length) != (first, last - first):
-        verdict.findings.append(
-            f"metadata.yaml states {length * 1e-9:.6f} s from {begin * 1e-9:.6f} s, it is "
-            f"{(last - first) * 1e-9:.6f} s from {first * 1e-9:.6f} s"
-        )
 
 
 def _check_stamps(path: Path, verdict: Verdict) -> None:
@@ -208,19 +193,24 @@ def _check_stamps(path: Path, verdict: Verdict) -> None:
         for key, text in sorted(notes.items())
         if key.startswith(LOST) and text != "0"
     ]
+    verdict.findings += [
+        f"{key.removeprefix(REFUSED)}: {text}"
+        for key, text in sorted(notes.items())
+        if key.startswith(REFUSED)
+    ]
     if notes.get(COMPLETE, YES) != YES:
         verdict.remarks.append(f"the recording ended early: {notes[COMPLETE]}")
 
 
 def stamp_findings(name: str, stamps: NDArray[np.int64], *, ordered: bool) -> list[str]:
-    """Return what is wrong with a topic's bag times, in the order they were stored.
+    """Return what is wrong with a topic's stamps, in the order of arrival.
 
     A topic has a rhythm when nine of ten intervals are within 5 % of their median; then an
     interval of more than one and a half medians is a gap.
 
     Args:
         name: The topic.
-        stamps: Bag times [ns], shape (n,).
+        stamps: [ns], shape (n,).
         ordered: Whether times must not go back; they may where several nodes publish.
     """
     findings = []

@@ -11,8 +11,9 @@ from typing import Any, TypeVar
 from rosbags.highlevel import AnyReader
 
 from winding_core.parameters import build, declarations
-from winding_recorder.bags.description import LOST, PARAMETERS, BagError
-from winding_recorder.bags.reading import opened, read_notes, reason, storage_files
+from winding_recorder.bags.arrivals import arrivals
+from winding_recorder.bags.description import LOST, PARAMETERS, BagError, reason
+from winding_recorder.bags.reading import opened, read_notes, storage_files
 
 Configuration = TypeVar("Configuration")
 
@@ -25,13 +26,14 @@ class TopicContent:
     type_name: str  # Its type
     messages: int  # How many there are
     lost: int | None  # Messages that never reached the recorder; None where they were not counted
+    rate: float | None  # Arrivals per second from its first message to its last; None below two
 
 
 @dataclass(frozen=True, kw_only=True)
 class Content:
     """A recording."""
 
-    start: float  # First bag time [s]
+    start: float  # First arrival [s], since the epoch; in older recordings the first stamp
     duration: float  # Length [s]
     files: Mapping[str, int]  # Storage files with their sizes [bytes]
     topics: tuple[TopicContent, ...]  # By name
@@ -48,13 +50,18 @@ def contents(path: Path) -> Content:
     files = {file.name: file.stat().st_size for file in storage_files(path)}
     with opened(path) as reader:
         try:
-            return _content(reader, files, notes)
-        except (TypeError, ValueError, AttributeError, OverflowError) as error:
-            # The reader uses times and counts of metadata.yaml only here.
+            return _content(reader, files, notes, arrivals(storage_files(path)))
+        except Exception as error:
+            # Times and counts are used only here, and damaged ones raise whatever they hit.
             raise BagError(f"cannot read {path}: {reason(error)}") from error
 
 
-def _content(reader: AnyReader, files: Mapping[str, int], notes: Mapping[str, str]) -> Content:
+def _content(
+    reader: AnyReader,
+    files: Mapping[str, int],
+    notes: Mapping[str, str],
+    spans: Mapping[str, tuple[int, int]],
+) -> Content:
     empty = reader.message_count == 0
     return Content(
         start=0.0 if empty else reader.start_time * 1e-9,
@@ -67,11 +74,18 @@ def _content(reader: AnyReader, files: Mapping[str, int], notes: Mapping[str, st
                 type_name=link.msgtype,
                 messages=link.msgcount,
                 lost=_count(notes.get(f"{LOST}{link.topic}")),
+                rate=_rate(link.msgcount, spans.get(link.topic)),
             )
             for link in sorted(reader.connections, key=lambda link: link.topic)
         ),
         notes=notes,
     )
+
+
+def _rate(messages: int, span: tuple[int, int] | None) -> float | None:
+    if messages < 2 or span is None or span[1] <= span[0]:
+        return None
+    return (messages - 1) / ((span[1] - span[0]) * 1e-9)
 
 
 def _count(text: str | None) -> int | None:

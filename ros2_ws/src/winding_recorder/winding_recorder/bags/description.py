@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import yaml
 
@@ -22,6 +22,8 @@ COMPLETE = "complete"
 YES = "yes"
 # Before a topic's full name: messages that were published and never arrived.
 LOST = "lost "
+# Before a topic's full name: how many messages arrived and could not be stored, and why.
+REFUSED = "not stored "
 # Before a node's name: its parameters as JSON.
 PARAMETERS = "parameters "
 # The recording that this one was made from, and what was lost with it.
@@ -32,6 +34,35 @@ ORIGIN = "origin"
 
 class BagError(ValueError):
     """A recording cannot be read, or not be written where it was asked to."""
+
+
+def reason(error: BaseException) -> str:
+    """Return an error as part of a sentence, never empty and on one line."""
+    text = " ".join(str(error).split())
+    return f"{type(error).__name__}: {text}" if text else type(error).__name__
+
+
+# Readers take times for signed numbers of 64 bits.
+_LATEST_NS = 2**63 - 1
+
+
+class StoredMessage(NamedTuple):
+    """One message of a recording."""
+
+    data: bytes  # CDR bytes.
+    arrived_ns: int  # When it reached the recorder, the bag time [ns].
+    published_ns: int  # Its own stamp, or when it was sent where it has none [ns].
+    sequence: int = 0  # Number that DDS gave it.
+
+    def check(self) -> None:
+        """Refuse what a reader could not take.
+
+        Raises:
+            BagError: A time is negative, or beyond signed numbers of 64 bits.
+        """
+        for name, time in (("arrived", self.arrived_ns), ("published", self.published_ns)):
+            if not 0 <= time <= _LATEST_NS:
+                raise BagError(f"{name} at {time} ns, which must be within 0 to {_LATEST_NS}")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,22 +144,22 @@ def _definition(type_name: str) -> tuple[str, str]:
 
 @dataclass(kw_only=True)
 class Extent:
-    """What one file holds: messages by channel index, first and last stamp [ns]."""
+    """What one file holds: messages by channel index, first and last bag time [ns]."""
 
     path: str  # Relative to the folder
     counts: list[int]  # Messages by channel index
-    first_ns: int | None = None  # First stamp [ns]; None while there is no message
-    last_ns: int = 0  # Last stamp [ns]
+    first_ns: int | None = None  # First bag time [ns]; None while there is no message
+    last_ns: int = 0  # Last bag time [ns]
 
-    def add(self, channel: int, stamp_ns: int) -> None:
+    def add(self, channel: int, arrived_ns: int) -> None:
         """Count a message."""
         self.counts[channel] += 1
         if self.first_ns is None:
-            self.first_ns = self.last_ns = stamp_ns
-        elif stamp_ns > self.last_ns:
-            self.last_ns = stamp_ns
-        elif stamp_ns < self.first_ns:
-            self.first_ns = stamp_ns
+            self.first_ns = self.last_ns = arrived_ns
+        elif arrived_ns > self.last_ns:
+            self.last_ns = arrived_ns
+        elif arrived_ns < self.first_ns:
+            self.first_ns = arrived_ns
 
     @property
     def start(self) -> dict[str, int]:

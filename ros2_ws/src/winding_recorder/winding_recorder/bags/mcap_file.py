@@ -7,10 +7,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from winding_recorder.bags.description import Channel
+from winding_recorder.bags.description import Channel, StoredMessage
 
 # Readers seek to the beginning of a chunk, and a killed recorder loses the open one.
 CHUNK_BYTES = 256 * 1024
+# The index of a file is kept in memory until it ends: 9 MB of a minute with pictures.
+SPLIT_BYTES = 2_000_000_000
 _NEVER_FULL = 2**62
 COMPRESSIONS = ("none", "zstd")
 NOTES_BEFORE = "winding_run"
@@ -73,15 +75,19 @@ class Sink:
         """Close without storing what is left."""
         os.close(self._descriptor)
 
-    def close(self) -> None:
+    def close(self, *, sync: bool) -> None:
         """Store what is left and close.
+
+        Args:
+            sync: Whether to wait for the disk.
 
         Raises:
             OSError: There is no room; the file ends with the last flush that succeeded.
         """
         try:
             self.flush()
-            os.fsync(self._descriptor)
+            if sync:
+                os.fsync(self._descriptor)
         finally:
             os.close(self._descriptor)
 
@@ -91,7 +97,8 @@ class BagConfig:
     """How a recording is stored."""
 
     compression: str = "none"  # Of the chunks, "none" or "zstd"
-    split_bytes: int = 0  # A file that has become so long is followed by a new one; 0 for one file
+    # A file that has become so long is followed by a new one; 0 for one file.
+    split_bytes: int = SPLIT_BYTES
     chunk_bytes: int = CHUNK_BYTES  # Longest chunk; a longer message has a chunk of its own
 
     def __post_init__(self) -> None:
@@ -152,8 +159,8 @@ class McapFile:
         index = (self._chunks + 1) * (2 * _RECORD_OVERHEAD + 10 * len(self._channels))
         return 2 * self._described_bytes + index + self._sink.pending + self._open_bytes
 
-    def write(self, channel: int, stamp_ns: int, data: bytes, sequence: int) -> bool:
-        """Take a message; its stamp [ns] is both log and publish time.
+    def write(self, channel: int, message: StoredMessage) -> bool:
+        """Take a message.
 
         Returns:
             Whether the chunk before it was stored.
@@ -161,7 +168,7 @@ class McapFile:
         Raises:
             OSError: The chunk before it could not be stored.
         """
-        size = len(data) + _MESSAGE_OVERHEAD
+        size = len(message.data) + _MESSAGE_OVERHEAD
         full = self._messages > 0 and self._open_bytes + size > self._chunk_bytes
         try:
             if full:
@@ -170,7 +177,11 @@ class McapFile:
             self._open_bytes += size
             self._messages += 1
             self._writer.add_message(
-                self._channels[channel], stamp_ns, data, stamp_ns, sequence & 0xFFFFFFFF
+                self._channels[channel],
+                message.arrived_ns,
+                message.data,
+                message.published_ns,
+                message.sequence & 0xFFFFFFFF,
             )
         return full
 
@@ -186,12 +197,13 @@ class McapFile:
             self._open_bytes = self._messages = 0
         self._writer.flush()
 
-    def close(self, metadata: str, notes: Mapping[str, str]) -> None:
+    def close(self, metadata: str, notes: Mapping[str, str], *, sync: bool) -> None:
         """Write the summary and close.
 
         Args:
             metadata: The file's metadata.yaml, which rosbag2 keeps inside the file as well.
             notes: What is known of the recording now that it has ended.
+            sync: Whether to wait for the disk.
 
         Raises:
             OSError: There is no room.
@@ -204,7 +216,7 @@ class McapFile:
         except OSError:
             self._sink.abandon()
             raise
-        self._sink.close()
+        self._sink.close(sync=sync)
 
     def _register(self, channel: Channel) -> int:
         if channel.type_name not in self._schemas:

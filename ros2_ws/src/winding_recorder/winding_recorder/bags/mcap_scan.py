@@ -13,7 +13,7 @@ from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex, DataEnd, Footer, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader, breakup_chunk
 
-from winding_recorder.bags.reading import reason
+from winding_recorder.bags.description import reason
 
 _FOOTER_BYTES = 9 + 20 + 8
 _CHUNK_OPCODE = 6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,13 +12,17 @@ import yaml
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from winding_recorder.bags.description import METADATA, BagError
+from winding_recorder.bags.description import METADATA, BagError, reason
 
 # libyaml's safe loader, where PyYAML was built with it, is ten times as fast.
-_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 # What rmw's buffer is longer than the message, at most.
 _SURPLUS = 4
 STORAGE_SUFFIXES = (".mcap", ".db3")
+# What a message begins with that has a stamp, behind the four bytes of the encapsulation.
+_STAMPED = ("std_msgs/msg/Header", "builtin_interfaces/msg/Time")
+_STAMPS = {0: struct.Struct(">4xiI"), 1: struct.Struct("<4xiI")}
+_NANO = 1_000_000_000
 
 
 @contextmanager
@@ -68,6 +73,37 @@ def messages_of(reader: AnyReader, links: Sequence[Any]) -> Iterator[tuple[Any, 
         yield link, stamp, bytes(data)
 
 
+def stamped_messages(
+    reader: AnyReader, links: Sequence[Any]
+) -> Iterator[tuple[Any, int, int, bytes]]:
+    """Yield (connection, own stamp [ns], bag time [ns], bytes) of every message, by bag time.
+
+    A message without a stamp has its bag time in place of it. In recordings of before arrival
+    times were recorded the bag time is the stamp.
+
+    Raises:
+        BagError: The recording is damaged.
+    """
+    stamped = {link.id for link in links if _begins_with_stamp(reader, link.msgtype)}
+    for link, arrived, data in messages_of(reader, links):
+        own = _stamp_of(data) if link.id in stamped else None
+        yield link, arrived if own is None else own, arrived, data
+
+
+def _begins_with_stamp(reader: AnyReader, type_name: str) -> bool:
+    _, fields = reader.typestore.fielddefs.get(type_name, ((), ()))
+    return bool(fields) and fields[0][1][1] in _STAMPED
+
+
+def _stamp_of(data: bytes) -> int | None:
+    """Return the stamp [ns] that a serialised message begins with; None where it has none."""
+    layout = _STAMPS[data[1] & 1 if len(data) > 1 else 1]
+    if len(data) < layout.size:
+        return None
+    seconds, nanoseconds = layout.unpack_from(data)
+    return int(seconds * _NANO + nanoseconds) if nanoseconds < _NANO else None
+
+
 def decoded(reader: AnyReader, link: Any, data: bytes) -> Any:
     """Return a message by the definition that the recording brings.
 
@@ -78,12 +114,6 @@ def decoded(reader: AnyReader, link: Any, data: bytes) -> Any:
         return reader.deserialize(data, link.msgtype)
     except Exception as error:
         raise BagError(f"{link.topic}: not a {link.msgtype}: {reason(error)}") from error
-
-
-def reason(error: BaseException) -> str:
-    """Return an error as part of a sentence, never empty and on one line."""
-    text = " ".join(str(error).split())
-    return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
 def storage_files(folder: Path) -> list[Path]:
@@ -115,7 +145,7 @@ def read_information(folder: Path) -> dict[str, Any]:
         BagError: The file is missing, or is no such mapping.
     """
     try:
-        content = yaml.load((folder / METADATA).read_text(encoding="utf-8"), _LOADER)
+        content = yaml.load((folder / METADATA).read_text(encoding="utf-8"), LOADER)
         information = content["rosbag2_bagfile_information"]
         if not isinstance(information, dict):
             raise TypeError(f"it holds a {type(information).__name__}")

@@ -6,16 +6,23 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from mcap.records import Message
 from rosbags.rosbag2.metadata import parse_qos
 
-from winding_recorder.bags.description import COMPLETE, RECOVERED, BagError, Channel
+from winding_recorder.bags.description import (
+    COMPLETE,
+    RECOVERED,
+    BagError,
+    Channel,
+    StoredMessage,
+)
 from winding_recorder.bags.mcap_file import NOTES_BEFORE, BagConfig
 from winding_recorder.bags.mcap_scan import Scan, ScannedChunk, scan, scan_by_index
 from winding_recorder.bags.reading import read_notes, storage_files
 from winding_recorder.bags.writer import BagWriter
 
-# (channel key within the file, stamp [ns], bytes, sequence number)
-_Row = tuple[int, int, bytes, int]
+# (channel key within the file, message)
+_Row = tuple[int, StoredMessage]
 
 
 @dataclass(kw_only=True)
@@ -63,10 +70,20 @@ def recover(source: Path, target: Path) -> list[Salvage]:
     writer = BagWriter(target, list(channels.values()), BagConfig(), notes)
     for part in parts:
         index = {key: names.index(channel.name) for key, channel in part.channels.items()}
-        for key, stamp, data, sequence in part.rows():
+        refused: list[BagError] = []
+        for key, message in part.rows():
             if key in index:
-                writer.write(index[key], stamp, data, sequence)
-                part.salvage.kept += 1
+                try:
+                    writer.write(index[key], message)
+                except BagError as error:
+                    refused.append(error)
+                else:
+                    part.salvage.kept += 1
+        if refused:
+            part.salvage.losses.append(
+                f"{part.salvage.name}: {len(refused)} messages that no recording can hold, the "
+                f"first {refused[0]}"
+            )
     losses = [loss for part in parts for loss in part.salvage.losses]
     ended = notes.get(COMPLETE, "no: the recorder was killed")
     writer.close(
@@ -115,11 +132,15 @@ class _Part:
         """Yield every message that can be read."""
         result = Scan()
         for chunk in self._chunks(result):
-            for message in chunk.messages:
-                yield message.channel_id, message.log_time, message.data, message.sequence
-        for message in result.loose:
-            yield message.channel_id, message.log_time, message.data, message.sequence
+            yield from map(_row, chunk.messages)
+        yield from map(_row, result.loose)
 
     def _chunks(self, result: Scan) -> Iterator[ScannedChunk]:
         indexed = scan_by_index(self._path, result)
         return scan(self._path, result) if indexed is None else indexed
+
+
+def _row(message: Message) -> _Row:
+    return message.channel_id, StoredMessage(
+        message.data, message.log_time, message.publish_time, message.sequence
+    )

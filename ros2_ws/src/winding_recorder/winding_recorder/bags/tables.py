@@ -11,8 +11,8 @@ import pyarrow as pa  # type: ignore[import-untyped]
 import pyarrow.csv as pa_csv  # type: ignore[import-untyped]
 import pyarrow.parquet as pa_parquet  # type: ignore[import-untyped]
 
-from winding_recorder.bags.description import BagError
-from winding_recorder.bags.reading import decoded, messages_of, opened, reason
+from winding_recorder.bags.description import BagError, reason
+from winding_recorder.bags.reading import decoded, opened, stamped_messages
 
 FORMATS = ("csv", "parquet")
 _NANO = 1_000_000_000
@@ -35,8 +35,8 @@ Row = dict[str, Any]
 def export(path: Path, folder: Path, form: str, wanted: frozenset[str] = frozenset()) -> list[Path]:
     """Write a table for every topic; return the files.
 
-    Column `t` is the bag time [s]. A cloud gives a row per point, with its fields as columns; a
-    line marker gives a row per point as well.
+    Column `t` is the message's stamp [s], column `arrival` the bag time [s]. A cloud gives a row
+    per point, with its fields as columns; a line marker gives a row per point as well.
     Pixels stay in the bag: a picture's table has its sizes.
 
     Args:
@@ -63,8 +63,11 @@ def export(path: Path, folder: Path, form: str, wanted: frozenset[str] = frozens
             if wanted and link.topic not in wanted:
                 continue
             messages = (
-                (stamp, decoded(reader, link, data))
-                for link, stamp, data in messages_of(reader, [link])
+                [
+                    {**row, "arrival": arrived / _NANO}
+                    for row in rows_of(stamp, decoded(reader, link, data))
+                ]
+                for link, stamp, arrived, data in stamped_messages(reader, [link])
             )
             target = folder / f"{link.topic.strip('/').replace('/', '.')}.{form}"
             if _write(target, form, _batches(messages)):
@@ -84,7 +87,7 @@ def topic_rows(path: Path, name: str) -> list[list[Row]]:
             raise BagError(f"{path} must hold {name} once, it holds {len(links)} of it")
         messages = [
             rows_of(stamp, decoded(reader, link, data))
-            for link, stamp, data in messages_of(reader, links)
+            for link, stamp, _, data in stamped_messages(reader, links)
         ]
     if not messages:
         raise BagError(f"{name} of {path} is empty")
@@ -92,9 +95,22 @@ def topic_rows(path: Path, name: str) -> list[list[Row]]:
 
 
 def rows_of(stamp_ns: int, message: Any) -> list[Row]:
-    """Return one message as rows of named values."""
-    kind = message.__msgtype__
+    """Return one message as rows of named values.
+
+    Raises:
+        BagError: Its numbers contradict each other.
+    """
     t = stamp_ns / _NANO
+    try:
+        return _rows(t, message)
+    except (ValueError, IndexError, TypeError) as error:
+        raise BagError(
+            f"a {message.__msgtype__} at {t:.6f} s contradicts itself: {reason(error)}"
+        ) from error
+
+
+def _rows(t: float, message: Any) -> list[Row]:
+    kind = message.__msgtype__
     if kind == _CLOUD:
         return [{"t": t, **point} for point in _points(message)]
     if kind == _JOINTS:
@@ -165,16 +181,10 @@ def _columns(name: str, value: Any) -> Row:
     return {name: value.item() if isinstance(value, np.generic) else value}
 
 
-def _batches(messages: Iterable[tuple[int, Any]]) -> Iterable[list[Row]]:
+def _batches(messages: Iterable[list[Row]]) -> Iterable[list[Row]]:
     rows: list[Row] = []
-    for stamp, message in messages:
-        try:
-            rows += rows_of(stamp, message)
-        except (ValueError, IndexError, TypeError) as error:
-            raise BagError(
-                f"a {message.__msgtype__} at {stamp / _NANO:.6f} s contradicts itself: "
-                f"{reason(error)}"
-            ) from error
+    for own in messages:
+        rows += own
         if len(rows) >= _BATCH:
             yield rows
             rows = []

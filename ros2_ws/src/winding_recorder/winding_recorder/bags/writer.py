@@ -12,6 +12,7 @@ from winding_recorder.bags.description import (
     Channel,
     Description,
     Extent,
+    StoredMessage,
     inner_text,
 )
 from winding_recorder.bags.mcap_file import BagConfig, McapFile
@@ -46,7 +47,7 @@ class Reserve:
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
-            self._path.unlink()
+            self._path.unlink(missing_ok=True)
 
 
 class BagWriter:
@@ -93,24 +94,30 @@ class BagWriter:
         return self._stored_before + (0 if self._ended else self._file.stored)
 
     @property
+    def present(self) -> bool:
+        """Whether the file that is being written, or was last, is still in its place."""
+        return (self.folder / self._extents[-1].path).exists()
+
+    @property
     def taken(self) -> int:
         """Messages taken so far."""
         return sum(sum(extent.counts) for extent in self._extents)
 
-    def write(self, channel: int, stamp_ns: int, data: bytes, sequence: int = 0) -> None:
+    def write(self, channel: int, message: StoredMessage) -> None:
         """Take a message.
 
         Args:
             channel: Index of its topic.
-            stamp_ns: Bag time [ns].
-            data: CDR bytes.
-            sequence: Publication sequence number.
+            message: It.
 
         Raises:
+            BagError: It has a time that no recording can hold; it is left out.
             OSError: The disk is full or broken. The message is taken all the same; `close` now.
         """
-        self._extents[-1].add(channel, stamp_ns)
-        if self._file.write(channel, stamp_ns, data, sequence):
+        # Half of a message would spoil the chunk.
+        message.check()
+        self._extents[-1].add(channel, message.arrived_ns)
+        if self._file.write(channel, message):
             self._hold(self._file.tail_bytes)
             if 0 < self._config.split_bytes <= self._file.stored:
                 self._split()
@@ -136,9 +143,15 @@ class BagWriter:
         self._notes |= notes or {}
         self._reserve.release()
         if not self._ended:
-            self._end_file()
+            self._end_file(sync=True)
         text = self._described(self._extents).text()
-        (self.folder / METADATA).write_text(text, encoding="utf-8")
+        # Half a description would hide the files that are whole.
+        draft = self.folder / f".{METADATA}"
+        try:
+            draft.write_text(text, encoding="utf-8")
+            draft.replace(self.folder / METADATA)
+        finally:
+            draft.unlink(missing_ok=True)
 
     def _next_file(self) -> McapFile:
         path = self.folder / f"{self.folder.name}_{len(self._extents)}.mcap"
@@ -150,16 +163,17 @@ class BagWriter:
     def _split(self) -> None:
         self._file.flush()
         self._reserve.release()
-        self._end_file()
+        # What waits behind the messages of a further file must not wait for the disk.
+        self._end_file(sync=False)
         self._stored_before += self._file.stored
         self._reserve = Reserve(self.folder / _RESERVE)
         self._hold(0)
         self._file = self._next_file()
 
-    def _end_file(self) -> None:
+    def _end_file(self, *, sync: bool) -> None:
         self._ended = True
         own = inner_text(self._described(self._extents[-1:]))
-        self._file.close(own, self._notes)
+        self._file.close(own, self._notes, sync=sync)
 
     def _described(self, extents: Sequence[Extent]) -> Description:
         return Description(channels=self._channels, extents=extents, notes=self._notes)

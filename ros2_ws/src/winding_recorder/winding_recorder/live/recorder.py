@@ -7,22 +7,24 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from errno import ENOENT
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.node import Node
 from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
 from winding_core.status import Level, Status
+from winding_recorder.bags.description import reason
 from winding_recorder.bags.mcap_file import BagConfig
-from winding_recorder.live.bag_series import BagSeries, RecorderError, free_folder
-from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_recorder.live.bag_series import BagSeries, RecorderError, Refusals, free_folder
+from winding_recorder.live.run_buffer import PICTURES, BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.environment import ros_arguments
 from winding_ros.message_guard import StampError
 from winding_ros.messages.diagnostics import encode_diagnostics
-from winding_ros.messages.stamps import encode_stamp, serialised_stamp_ns
+from winding_ros.messages.stamps import encode_stamp, is_stamped, serialised_stamp_ns
 from winding_ros.services import RECORD
 from winding_ros.topic import PolledTopic, Taken, Topic
 
@@ -36,7 +38,15 @@ _LOOK_PERIOD = 0.01
 # An open chunk is stored, and the recorder's state published, at least this often (REP-107).
 _REPORT_PERIOD_NS = 1_000_000_000
 # Messages of one topic come in order; a machine that is built anew begins at zero.
-_WENT_BACK_NS = 500_000_000
+_WENT_BACK_NS, _FAR_AHEAD_NS = 500_000_000, 10_000_000_000
+# The end of the seconds of a stamp.
+_LATEST_NS = 2_147_483_000_000_000_000
+# What waits for the disk; a simulated machine waits itself long before.
+_MOST_WAITING = 256 * 1024 * 1024
+
+Item = TypeVar("Item")
+# A message with its topic and its own stamp [ns], None where it has none.
+Found = tuple[Topic, int | None, Taken]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,9 +94,10 @@ def _called(_request: Any, _response: Any) -> Any:
 class Recorder:
     """Stores what arrives on the recorded topics: one thread takes, another stores.
 
-    Bag times are the messages' own stamps: simulated time, whatever the wall clock did. A disk
-    that is full or broken ends the bag and not the run: the buffer and the answers go on, `error`
-    and /diagnostics report what happened.
+    Bag times are those of arrival; a message's own stamp is beside it as its time of publication.
+    Whatever arrives is stored; what cannot be is counted and named, and nothing that a message
+    holds ends the recording. A disk that is full or broken ends the bag and not the run: the
+    buffer and the answers go on, `error` and /diagnostics report what happened.
 
     Args:
         node: Gives context and namespace to the recorder's own node, which is added to no executor.
@@ -141,9 +152,7 @@ class Recorder:
             notes or {},
         )
         # A look's messages at a time: the storing thread wakes up once for all of them.
-        self._queue: queue.SimpleQueue[list[tuple[Topic, int, Taken]] | RecordRequest | None] = (
-            queue.SimpleQueue()
-        )
+        self._queue: queue.SimpleQueue[list[Found] | RecordRequest | None] = queue.SimpleQueue()
         self._requests = RecordService(self._node) if further is not None else None
         self._last_ns: dict[str, tuple[int, int]] = {}
         self._progress = topics.RECORDER_PROGRESS.advertise(self._node)
@@ -152,7 +161,10 @@ class Recorder:
         self._answered_ns = -_ANSWER_PERIOD_NS
         self._newest_ns = 0
         self._reported_ns = time.monotonic_ns()
-        self._unstamped = self._found = self._dealt_with = 0
+        self._unplaced = Refusals()
+        self._found = self._dealt_with = 0
+        self._found_bytes = self._dealt_with_bytes = 0
+        self._stamped = frozenset(topic for topic in self._recorded if is_stamped(topic.type))
         self._fast = tuple(
             topic.name
             for topic in self._recorded
@@ -199,34 +211,76 @@ class Recorder:
         """Messages dealt with so far, by topic name, where one node publishes."""
         return {name: count.received for name, count in self.bags.losses.items()}
 
+    @property
+    def shortfalls(self) -> tuple[str, ...]:
+        """What never arrived, could not be stored or has no place in the report, in sentences."""
+        lost = {
+            name: f"{count} messages never arrived" for name, count in self.lost.items() if count
+        }
+        return tuple(
+            f"{name}: {sentence}"
+            for found in (
+                lost,
+                self.bags.refused.sentences("could not be stored"),
+                self._unplaced.sentences("are not in the report"),
+            )
+            for name, sentence in found.items()
+        )
+
     def _take(self) -> None:
         """Take what has arrived, again and again; once more after `close` was called."""
         last = False
         while not last:
             last = self._closing.wait(_LOOK_PERIOD)
-            found = [item for polled in self._polled for item in self._taken(polled)]
+            found = [
+                item
+                for polled in self._polled
+                for item in self._guarded(polled.topic.name, self._taken(polled))
+            ]
             if found:
                 self._found += len(found)
+                self._found_bytes += sum(len(taken.data) for _, _, taken in found)
                 self._queue.put(found)
-            for request in self._requests.take() if self._requests is not None else ():
+            requests = self._requests.take() if self._requests is not None else iter(())
+            for request in self._guarded(RECORD.name, requests):
                 self._take_on_demand(request.on)
                 self._queue.put(request)
         self._queue.put(None)
 
-    def _taken(self, polled: PolledTopic) -> Iterator[tuple[Topic, int, Taken]]:
+    def _guarded(self, name: str, items: Iterator[Item]) -> Iterator[Item]:
+        """Yield what there is; note why there is no more of it."""
+        try:
+            yield from items
+        except Exception as error:  # noqa: BLE001 - the other topics are taken all the same
+            self.bags.refused.add(name, reason(error))
+
+    def _taken(self, polled: PolledTopic) -> Iterator[Found]:
         """Yield what waits on a topic, with its stamps [ns]; the buffer has it by then."""
         topic = polled.topic
         for taken in polled.take():
-            data, _, sent, received = taken
-            try:
-                stamp = serialised_stamp_ns(data)
-            except StampError:
-                # External nodes may publish any bytes; without a stamp they have no place.
-                self._unstamped += 1
+            stamp = self._stamp_of(topic, taken)
+            waiting = self._found_bytes - self._dealt_with_bytes
+            if waiting > _MOST_WAITING and topic in PICTURES:
+                # A machine that waits for nobody would fill the memory.
+                self.bags.refused.add(topic.name, f"{waiting} bytes waited for the disk")
                 continue
-            # Supervision looks at the buffer, which must not wait for a disk.
-            self.buffer.add(topic, BufferedMessage(stamp, sent, received, data))
             yield topic, stamp, taken
+
+    def _stamp_of(self, topic: Topic, taken: Taken) -> int | None:
+        """Return a message's own stamp [ns], None where it has none; the buffer has it by then."""
+        stamp = None
+        try:
+            if topic in self._stamped:
+                stamp = serialised_stamp_ns(taken.data)
+            # Supervision looks at the buffer, which must not wait for a disk.
+            placed = taken.arrived_at_ns if stamp is None else stamp
+            self.buffer.add(
+                topic, BufferedMessage(placed, taken.sent_ns, taken.received_ns, taken.data)
+            )
+        except StampError as error:
+            # External nodes may publish any bytes.
+            self._unplaced.add(topic.name, str(error))
+        return stamp
 
     def _take_on_demand(self, on: bool) -> None:
         """Take what is only recorded, or take it no longer."""
@@ -252,26 +306,25 @@ class Recorder:
                 continue
             for topic, stamp, taken in item:
                 self._store_one(topic, stamp, taken)
-                self._dealt_with += 1
+            self._dealt_with += len(item)
+            self._dealt_with_bytes += sum(len(taken.data) for _, _, taken in item)
             now = time.monotonic_ns()
             if now - self._reported_ns >= _REPORT_PERIOD_NS:
                 self._report(now)
 
-    def _store_one(self, topic: Topic, stamp: int, taken: Taken) -> None:
-        if self._further is not None:
-            self._follow_time(topic, stamp, taken.received_ns)
-        if topic.publisher == topics.COMMANDER:
-            # A command's stamp is the time from which it holds: now, or in a while.
-            stamp = self._newest_ns
-        elif topic.publisher == topics.EVERY_NODE:
-            # External nodes publish there too, by clocks of their own.
-            stamp = min(stamp, self._newest_ns)
-        self._newest_ns = max(self._newest_ns, stamp)
+    def _store_one(self, topic: Topic, stamp: int | None, taken: Taken) -> None:
+        if stamp is not None:
+            if self._further is not None:
+                self._follow_time(topic, stamp, taken.received_ns)
+            if topic.publisher == topics.RIG:
+                self._newest_ns = stamp
         try:
             self.bags.take(topic, stamp, taken)
         except OSError as error:
             self._fail(error)
-        if topic.name in self._fast:
+        except Exception as error:  # noqa: BLE001 - the messages behind it are stored all the same
+            self.bags.refused.add(topic.name, reason(error))
+        if stamp is not None and topic.name in self._fast:
             self._answer(topic, stamp)
 
     def _turn(self, request: RecordRequest) -> None:
@@ -299,6 +352,9 @@ class Recorder:
         if topic.name not in self.bags.losses:
             return
         last, before = self._last_ns.get(topic.name, (stamp, received))
+        if not 0 <= stamp <= last + _FAR_AHEAD_NS:
+            # It says nothing of the time of the run.
+            return
         self._last_ns[topic.name] = (stamp, received)
         if stamp >= last - _WENT_BACK_NS:
             return
@@ -318,13 +374,16 @@ class Recorder:
     def _fail(self, error: OSError) -> None:
         """End the bag where it stands; the run goes on."""
         self.bags.error = error
-        self.bags.end(f"no: {error.strerror or error} at {self._newest_ns * 1e-9:.3f} s")
+        why = f"no: {error.strerror or error} at {self._newest_ns * 1e-9:.3f} s"
+        self.bags.leave(lambda _done, _sentence: None, failure=why)
         self._publish_state()
 
     def _report(self, now: int) -> None:
         self._reported_ns = now
         if self.bags.writer is not None:
             try:
+                if self.bags.gone:
+                    raise FileNotFoundError(ENOENT, "the bag was removed")
                 self.bags.writer.flush()
             except OSError as error:
                 self._fail(error)
@@ -335,10 +394,8 @@ class Recorder:
         lost = sum(self.lost.values())
         writer = self.bags.writer
         level, message = Level.OK, "recording" if writer is not None else "no bag"
-        if lost:
-            level, message = Level.WARN, f"{lost} messages never arrived"
-        if self._unstamped:
-            level, message = Level.WARN, f"{self._unstamped} messages had no stamp"
+        if shortfalls := self.shortfalls:
+            level, message = Level.WARN, "; ".join(shortfalls)
         if self.error is not None and writer is None:
             level, message = Level.ERROR, f"the recording has ended: {self.error}"
         values = {"lost": str(lost), "waiting": str(self._found - self._dealt_with)}
@@ -347,7 +404,9 @@ class Recorder:
             values["bag"] = writer.folder.name
         status = Status(name=topics.RECORDER, level=level, message=message, values=values)
         self._diagnostics.publish(
-            encode_diagnostics(self._newest_ns * 1e-9, [status], hardware_id=self._hardware_id)
+            encode_diagnostics(
+                min(self._newest_ns, _LATEST_NS) * 1e-9, [status], hardware_id=self._hardware_id
+            )
         )
 
     def _answer(self, topic: Topic, stamp_ns: int) -> None:
@@ -355,6 +414,7 @@ class Recorder:
         if not self._followed <= self._stored_ns.keys():
             return
         reached = min(self._stored_ns.values())
-        if reached - self._answered_ns >= _ANSWER_PERIOD_NS:
+        # A stamp from far ahead must not silence the answers to those that follow.
+        if not 0 <= reached - self._answered_ns < _ANSWER_PERIOD_NS:
             self._answered_ns = reached
-            self._progress.publish(Header(stamp=encode_stamp(reached * 1e-9)))
+            self._progress.publish(Header(stamp=encode_stamp(min(reached, _LATEST_NS) * 1e-9)))

@@ -23,7 +23,7 @@ from winding_ros.topic import Topic
 
 Reading = TypeVar("Reading")
 
-_PICTURES = (topics.IMAGE, topics.PREVIEW)
+PICTURES = (topics.IMAGE, topics.PREVIEW)
 # Simulated time of which the buffer has every message, and of which it keeps as many before that.
 _WHOLE_S, _SAMPLE_S = 10.0, 20.0
 _FEWEST = 200
@@ -95,7 +95,7 @@ class RunBuffer:
         self.axes = MachineAxes()
         self.begun_ns = 0
         self._lock = threading.Lock()
-        self._kept = kept = [topic for topic in recorded if topic not in _PICTURES]
+        self._kept = kept = [topic for topic in recorded if topic not in PICTURES]
         self.messages: dict[str, History[BufferedMessage]] = {
             topic.name: History(newest=_room(topic, _WHOLE_S), older=_room(topic, _SAMPLE_S))
             for topic in kept
@@ -106,7 +106,7 @@ class RunBuffer:
 
     def add(self, topic: Topic, message: BufferedMessage) -> None:
         """Take a message; those of pictures are left out."""
-        if topic in _PICTURES:
+        if topic in PICTURES:
             return
         name = topic.name
         with self._lock:

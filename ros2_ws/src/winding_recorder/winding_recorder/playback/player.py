@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +13,11 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
-from winding_recorder.bags.description import BagError
+from winding_recorder.bags.description import BagError, reason
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros.messages.stamps import encode_stamp
 from winding_ros.topics import CLOCK
@@ -27,7 +28,9 @@ _LOOK_PERIOD = 0.05
 # Subscribers that are there find a new publisher in up to 0.6 s on a busy machine.
 _MATCH_PATIENCE = 2.0
 _DISCOVERY = 1.0
-_DEPTH = 1000
+# A page looks at the newest message ten times a second, and later when the computer is busy.
+_LINGER = 0.5
+_DEPTH, _DEEPEST = 1000, 100_000
 
 
 class Pacing:
@@ -149,13 +152,19 @@ class Player:
             time.sleep(_LOOK_PERIOD)
 
     def drain(self) -> None:
-        """Wait until reliable subscribers have acknowledged everything, for a limited time."""
+        """Wait until subscribers have everything, for a limited time.
+
+        Reliable ones acknowledge it; others look now and then for what was the last.
+        """
         patience = Duration(seconds=_MATCH_PATIENCE)
         for publisher in self._publishers.values():
             publisher.wait_for_all_acked(patience)
+        time.sleep(_LINGER)
 
     def play(self, stopped: Callable[[], bool]) -> None:
-        """Publish the recording once, from its beginning.
+        """Publish the recording once, as it arrived.
+
+        What came before the busiest topic, while the graph was started, is published at once.
 
         Args:
             stopped: Whether to end early.
@@ -165,22 +174,30 @@ class Player:
         """
         with opened(self._bag) as reader:
             links = [link for link in reader.connections if link.topic in self._topics]
-            if reader.message_count == 0:
+            if not any(link.msgcount for link in links):
                 return
+            begin = _begin(reader, links)
             with self._lock:
-                self._pacing.start(reader.start_time * 1e-9, time.monotonic())
+                self._pacing.start(begin, time.monotonic())
             tick = -_CLOCK_PERIOD
-            for link, stamp, data in messages_of(reader, links):
-                due = stamp * 1e-9
+            for link, arrived, data in messages_of(reader, links):
+                due = max(arrived * 1e-9, begin)
                 while self._clock is not None and tick + _CLOCK_PERIOD < due:
-                    tick = max(tick + _CLOCK_PERIOD, reader.start_time * 1e-9)
+                    tick = max(tick + _CLOCK_PERIOD, begin)
                     if not self._until(tick, stopped):
                         return
                     self._clock.publish(Clock(clock=encode_stamp(tick)))
                 if not self._until(due, stopped):
                     return
-                self._publishers[link.topic].publish(data)
-                self.published += 1
+                self._publish(link, data)
+
+    def _publish(self, link: Any, data: bytes) -> None:
+        try:
+            self._publishers[link.topic].publish(data)
+        except Exception as error:
+            # What the middleware raises on damaged bytes is private to rclpy.
+            raise BagError(f"{link.topic}: cannot be published: {reason(error)}") from error
+        self.published += 1
 
     def _until(self, due: float, stopped: Callable[[], bool]) -> bool:
         """Wait for a bag time [s]; return False when the playback was stopped before."""
@@ -207,10 +224,10 @@ class Player:
             time.sleep(_LOOK_PERIOD)
 
     def _publisher(self, link: Any) -> Publisher:
-        package, kind, name = link.msgtype.split("/")
         try:
+            package, kind, name = link.msgtype.split("/")
             message = getattr(importlib.import_module(f"{package}.{kind}"), name)
-        except (ImportError, AttributeError) as error:
+        except (ImportError, AttributeError, ValueError) as error:
             raise BagError(
                 f"{link.topic} is a {link.msgtype}, which is not installed; leave it out with "
                 "--topics"
@@ -229,6 +246,13 @@ class Player:
         return response
 
 
+def _begin(reader: AnyReader, links: Sequence[Any]) -> float:
+    """Return the bag time [s] at which the busiest topic begins."""
+    busiest = max(links, key=lambda link: link.msgcount)
+    _, arrived, _ = next(messages_of(reader, [busiest]))
+    return arrived * 1e-9
+
+
 def _offered(link: Any) -> QoSProfile:
     profiles = link.ext.offered_qos_profiles
     if not profiles:
@@ -238,7 +262,7 @@ def _offered(link: Any) -> QoSProfile:
     reliable = stated.reliability.name != "BEST_EFFORT"
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=max(1, stated.depth),
+        depth=min(max(1, stated.depth), _DEEPEST),
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )

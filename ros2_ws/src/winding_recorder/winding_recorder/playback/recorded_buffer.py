@@ -11,16 +11,13 @@ from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError
 from winding_recorder.bags.contents import configuration_of, recorded_parameters
 from winding_recorder.bags.description import COMPLETE, ORIGIN, PARAMETERS, YES, BagError
-from winding_recorder.bags.reading import messages_of, opened, read_notes
-from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
+from winding_recorder.bags.reading import opened, read_notes, stamped_messages
+from winding_recorder.live.run_buffer import PICTURES, BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.message_guard import StampError
-from winding_ros.messages.stamps import serialised_stamp_ns
 from winding_ros.topic import Topic
 
-_PICTURES = (topics.IMAGE, topics.PREVIEW)
 # /diagnostics belongs to no namespace.
-_RECORDED = {topic.name.lstrip("/"): topic for topic in topics.TOPICS if topic not in _PICTURES}
+_RECORDED = {topic.name.lstrip("/"): topic for topic in topics.TOPICS if topic not in PICTURES}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +66,8 @@ def _filled(path: Path) -> RunBuffer:
         links = {link.id: topic for link in reader.connections if (topic := _topic(link.topic))}
         buffer = RunBuffer(dict.fromkeys(links.values()))
         wanted = [link for link in reader.connections if link.id in links]
-        for link, stamp, data in messages_of(reader, wanted):
-            topic = links[link.id]
-            try:
-                own = serialised_stamp_ns(data) if topic.rate else stamp
-            except StampError:
-                continue
-            buffer.add(topic, BufferedMessage(own, stamp, stamp, data))
+        for link, own, arrived, data in stamped_messages(reader, wanted):
+            buffer.add(links[link.id], BufferedMessage(own, arrived, arrived, data))
     return buffer
 
 

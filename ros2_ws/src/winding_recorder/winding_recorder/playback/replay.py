@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import heapq
 import importlib
 import math
+from bisect import insort
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import groupby, islice
+from itertools import chain, islice, pairwise
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ from rosbags.highlevel import AnyReader
 
 from winding_recorder.bags.contents import configuration_of, recorded_parameters
 from winding_recorder.bags.description import BagError
-from winding_recorder.bags.reading import Decoder, messages_of, opened
+from winding_recorder.bags.reading import Decoder, opened, stamped_messages
 from winding_recorder.bags.tables import Row, rows_of
 from winding_ros import topics
 from winding_ros.graph import CORRECTION, FEM, TRACKER, parameters_of
@@ -155,7 +157,7 @@ def replay(
 
     Inputs go in by their stamps; those of one stamp in the order that the handler states. In
     the run, messages of different topics reached the node in the order of their arrival, which
-    is not recorded.
+    is that at the recorder only nearly.
 
     Args:
         path: The recording.
@@ -249,7 +251,7 @@ def _link(reader: AnyReader, topic: Topic) -> Any:
 
 def _stream(reader: AnyReader, link: Any, decoder: Decoder) -> dict[int, list[bytes]]:
     stream: dict[int, list[bytes]] = defaultdict(list)
-    for _, stamp, data in messages_of(reader, [link]):
+    for _, stamp, _, data in stamped_messages(reader, [link]):
         stream[stamp].append(decoder.canonical(link.msgtype, data))
     return stream
 
@@ -284,7 +286,6 @@ def _inputs(
     """
     # A tracker answers frames, and needs the encoder beyond the last of them.
     answered = topics.IMAGE.type_name if topics.IMAGE in inputs else None
-    order = {links[topic.name].topic: k for k, topic in enumerate(inputs)}
 
     def relevant(kind: str, stamp: int) -> bool:
         if kind == topics.IMAGE.type_name and stamp < first - _ROUNDING:
@@ -293,11 +294,30 @@ def _inputs(
             return False
         return stamp >= first - _BEFORE
 
-    messages = (
-        (stamp, order[link.topic], data)
-        for link, stamp, data in messages_of(reader, list(links.values()))
-        if relevant(link.msgtype, stamp)
-    )
-    for _, same in groupby(messages, key=itemgetter(0)):
-        for _, k, data in sorted(same, key=itemgetter(1)):
-            yield inputs[k], data
+    def stream(topic: Topic) -> Iterator[tuple[int, Topic, bytes]]:
+        found = stamped_messages(reader, [links[topic.name]])
+        return ((stamp, topic, data) for _, stamp, _, data in found)
+
+    # Of equal stamps, those of the topic that the node takes first come first.
+    for stamp, topic, data in heapq.merge(
+        *(_in_step(stream(topic)) for topic in inputs), key=itemgetter(0)
+    ):
+        if relevant(topic.type_name, stamp):
+            yield topic, data
+
+
+def _in_step(stream: Iterator[tuple[int, Topic, bytes]]) -> Iterator[tuple[int, Topic, bytes]]:
+    """Yield a topic's messages in the order of arrival, those far ahead when their time comes.
+
+    A message is ahead when the next one is older: on its own it would hold back all behind it.
+    """
+    ahead: list[tuple[int, Topic, bytes]] = []
+    for item, following in pairwise(chain(stream, [None])):
+        assert item is not None
+        if following is not None and following[0] < item[0]:
+            insort(ahead, item, key=itemgetter(0))
+            continue
+        while ahead and ahead[0][0] <= item[0]:
+            yield ahead.pop(0)
+        yield item
+    yield from ahead

@@ -131,7 +131,7 @@ class AsyncClient(ServiceCaller):
         self._statuses: dict[str, Status] = {}
         topics.DIAGNOSTICS.subscribe(self.node, self._note)
         self._diagnostics = topics.DIAGNOSTICS.advertise(self.node)
-        self._heartbeat = Heartbeat(self.node, NAME)
+        self._heartbeat = Heartbeat(self.node, NAME, watched=False)
         self._executor.add_node(self.node)
         self._quit = threading.Event()
         self._thread = threading.Thread(target=self._spin, name="orchestrator")

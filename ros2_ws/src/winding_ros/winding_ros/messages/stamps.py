@@ -36,6 +36,12 @@ def decode_stamp(stamp: Time) -> float:
     return float(stamp.sec) + 1.0e-9 * float(stamp.nanosec)
 
 
+def is_stamped(type_: type) -> bool:
+    """Return whether messages of a type begin with a stamp or a header."""
+    fields = list(type_.get_fields_and_field_types().values())  # type: ignore[attr-defined]
+    return bool(fields) and fields[0] in ("std_msgs/Header", "builtin_interfaces/Time")
+
+
 def serialised_stamp(data: bytes) -> float:
     """Return the stamp [s] of a serialised message, the number that `decode_stamp` gives.
 

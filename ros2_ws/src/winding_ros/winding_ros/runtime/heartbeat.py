@@ -2,6 +2,11 @@
 
 A process that is stopped or gone loses its liveliness within LEASE, whatever its interpreter was
 doing. One whose callbacks no longer come to an end misses its deadline, STALL.
+
+Liveliness is offered only by who is watched for it. Where one process holds two participants, as
+one that takes goals and runs them does, Fast DDS hands a participant's assertion over to the other
+one under locks of both: with endpoints that go at that moment, and a publisher that is destroyed
+with the interpreter's lock held, all of them may wait for ever.
 """
 
 from __future__ import annotations
@@ -39,15 +44,17 @@ def heartbeat_topic(node: str) -> str:
     return f"{node}/heartbeat"
 
 
-def _qos() -> QoSProfile:
-    return QoSProfile(
+def _qos(*, watched: bool) -> QoSProfile:
+    profile = QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
         depth=1,
         reliability=ReliabilityPolicy.RELIABLE,
         deadline=Duration(seconds=STALL),
-        liveliness=LivelinessPolicy.AUTOMATIC,
-        liveliness_lease_duration=Duration(seconds=LEASE),
     )
+    if watched:
+        profile.liveliness = LivelinessPolicy.AUTOMATIC
+        profile.liveliness_lease_duration = Duration(seconds=LEASE)
+    return profile
 
 
 class Heartbeat:
@@ -57,12 +64,22 @@ class Heartbeat:
         node: Whose life.
         name: Node name in the topic.
         clock: Monotonic wall time [s].
+        watched: Whether `watch_heartbeat` may follow it; `hear_heartbeat` always may.
     """
 
-    def __init__(self, node: Node, name: str, clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self,
+        node: Node,
+        name: str,
+        clock: Callable[[], float] = time.monotonic,
+        *,
+        watched: bool = True,
+    ) -> None:
         self._clock = clock
         self._next = -1.0
-        self._publisher = node.create_publisher(Header, heartbeat_topic(name), _qos())
+        self._publisher = node.create_publisher(
+            Header, heartbeat_topic(name), _qos(watched=watched)
+        )
 
     def beat(self) -> None:
         """Say that the node lives and finishes its work."""
@@ -71,6 +88,13 @@ class Heartbeat:
             return
         self._next = now + PERIOD
         self._publisher.publish(Header(stamp=encode_stamp(now)))
+
+
+def hear_heartbeat(node: Node, name: str, heard: Callable[[], None]) -> Subscription:
+    """Return a subscription that calls `heard` at each sign of life of a node."""
+    return node.create_subscription(
+        Header, heartbeat_topic(name), lambda _message: heard(), _qos(watched=False)
+    )
 
 
 def watch_heartbeat(
@@ -96,7 +120,7 @@ def watch_heartbeat(
         Header,
         heartbeat_topic(name),
         lambda _message: notify(Sign.ALIVE),
-        _qos(),
+        _qos(watched=True),
         event_callbacks=SubscriptionEventCallbacks(
             deadline=lambda _event: notify(Sign.STALLED), liveliness=on_liveliness
         ),

@@ -257,8 +257,8 @@ class OperatorRun:
         self._open, self._over = False, time.monotonic()
         if self._log.held is not None:
             self._log.end(self._log.held)
-        folders = tuple(self._recorder.bags.folders)
-        bags, self._bags = folders[self._bags :], len(folders)
+        recorded = self._recorder.bags
+        bags, self._bags = recorded.present(self._bags), len(recorded.folders)
         run = OperatedRun(
             buffer=buffer,
             wound=dict(self._wound) if self._reading is None or self._reading.done() else {},

@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AsyncExitStack, ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 from winding_core.run_options import OperatorLimits
 from winding_core.run_outcome import Cause, EndedBy, Motion
@@ -177,7 +176,7 @@ class Run:
             wall_s=0.0 if self._following is None else self._following.wall_s,
             ending=self._log.ending(Motion.STANDING if self._rest is None else self._rest.motion),
             losses=self._losses(recorder),
-            bags=tuple(filter(Path.exists, recorder.bags.folders[self._bags :])),
+            bags=recorder.bags.present(self._bags),
             limits=self._limits(),
             simulated=self.config.machine is None,
             trace=None if self._trace is None else self._trace.since(recorder.buffer.begun_ns),
@@ -190,7 +189,7 @@ class Run:
             for folder in recorder.bags.folders[self._bags :]
             if not folder.exists()
         )
-        return tuple(filter(None, (recording, *gone, self._log.failure)))
+        return tuple(filter(None, (recording, *gone, *recorder.shortfalls, self._log.failure)))
 
     def _limits(self) -> OperatorLimits | None:
         return None if self._dashboard is None else self._dashboard.limits
