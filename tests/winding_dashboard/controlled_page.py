@@ -103,6 +103,11 @@ class Controlled(Machine):
         print(f"told {command}", flush=True)
         return answer
 
+    async def record(self, on: bool) -> str:
+        """Never come to an end, as a recorder whose disk hangs."""
+        await asyncio.Event().wait()
+        return ""
+
 
 def main(port: int, *, standing: bool) -> None:
     state = fresh_state()
@@ -112,13 +117,13 @@ def main(port: int, *, standing: bool) -> None:
 
     async def stand() -> None:
         while True:
-            phase(state, "idle")
+            phase(state, "idle", ago=0.0)
             await page.session.learn_choice()
             await asyncio.sleep(PERIOD)
 
     async def wind() -> None:
         while True:
-            phase(state, "winding")
+            phase(state, "winding", ago=0.0)
             wound(state, Condition(duration=60.0))
             note_run(state, 30.0 + 0.2 * (time.monotonic() - begin), graph.mode)
             state.tick(time.monotonic())
@@ -131,7 +136,7 @@ def main(port: int, *, standing: bool) -> None:
         winding.cancel()
 
     app = application(page, token="", host="127.0.0.1", lifespan=lifespan)
-    uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning")
+    uvicorn.run(app, host="127.0.0.1", port=port, log_level="warning", timeout_graceful_shutdown=1)
 
 
 if __name__ == "__main__":

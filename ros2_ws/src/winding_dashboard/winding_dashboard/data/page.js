@@ -208,6 +208,9 @@ for (const button of document.querySelectorAll("[data-post]")) {
     else ask(button, byId(dialog)).catch((error) => unanswered(button.textContent.toLowerCase(), error));
   });
 }
+document.addEventListener("keydown", (event) => {
+  if (event.altKey && event.code === "KeyE" && !byId("emergency_stop").disabled) stopNow();
+});
 for (const dialog of document.querySelectorAll("dialog")) {
   const button = byId(actionOf(dialog));
   const leave = () => {

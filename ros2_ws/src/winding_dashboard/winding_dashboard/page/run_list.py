@@ -109,7 +109,5 @@ def _condition(content: Mapping[str, Any]) -> str:
     number = int(content["case"])
     name = f"case {number}" if number else "own condition"
     wound = content["identity"].get("condition", {})
-    if not _MEASURES.keys() <= wound.keys():
-        return name
-    measures = {name: float(wound[key]["value"]) for key, name in _MEASURES.items()}
-    return brief(name, **measures)
+    measures = {item: wound.get(key, {}).get("value") for key, item in _MEASURES.items()}
+    return brief(name, **measures) if all(measures.values()) else name
