@@ -167,7 +167,7 @@ class ViewState:
     @property
     def going(self) -> bool:
         """Whether the machine reports that it winds, or is about to come to rest."""
-        return self.phase in ("winding", "stopping")
+        return self.phase in ("winding", "stopping") and self.run_phase is not RunPhase.FAILED
 
     @property
     def reason(self) -> str:
