@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any
 
 from winding_core.lay.records import ControlMode
-from winding_core.parameters import ParameterError, typed_values
+from winding_core.parameters import typed_values
 from winding_core.run_options import OperatorLimits
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page import commands
@@ -128,10 +128,11 @@ class OperatorSession:
 
     def set_limits(self, typed: Mapping[str, Any]) -> None:
         """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
+        empty = [LIMIT_LABELS.get(key, key) for key, value in typed.items() if value in (None, "")]
+        if empty:
+            self._answer(f"limits: {empty[0]} is empty; give a number", alarm=True)
+            return
         try:
-            for key, value in typed.items():
-                if value in (None, ""):
-                    raise ParameterError(f"{LIMIT_LABELS.get(key, key)} is empty; give a number")
             found: dict[str, Any] = typed_values(OperatorLimits, typed, LIMIT_LABELS.__getitem__)
         except (ValueError, TypeError) as error:
             self._answer(f"limits: {error}", alarm=True)
