@@ -77,7 +77,7 @@ leg: $(SHORT) kernels
 # Both halves always run, whatever the first one found.
 campaign: $(WHOLE) kernels
 	failed=0; \
-	    $(BIN)/python -m pytest -n 2 --dist loadfile -m "campaign and not processes" $(COUNT) || failed=1; \
+	    $(BIN)/python -m pytest -n 2 --dist worksteal -m "campaign and not processes" $(COUNT) || failed=1; \
 	    $(BIN)/python -m pytest -m "campaign and processes" $(COUNT) || failed=1; \
 	    exit $$failed
 

@@ -41,8 +41,18 @@ class Ros:
         self.executor = SingleThreadedExecutor(context=self.context)
         self._nodes: list[Any] = []
 
-    def add(self, factory: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
-        """Make a node on the private context and spin it with the others."""
+    def add(
+        self,
+        factory: Callable[..., Any],
+        *args: Any,
+        parameters: Mapping[str, object] | None = None,
+        **kwargs: Any,
+    ) -> Any:
+        """Make a node on the private context, its parameters set, and spin it with the others."""
+        from rclpy.parameter import Parameter
+
+        if parameters is not None:
+            kwargs["parameter_overrides"] = [Parameter(n, value=v) for n, v in parameters.items()]
         node = factory(*args, context=self.context, **kwargs)
         self._nodes.append(node)
         self.executor.add_node(node)
@@ -104,7 +114,7 @@ class ComposedGraph:
         namespace: Of the graph.
         direct_frames: Hand frames from rig to tracker within the process; camera/image_raw is
             silent then.
-        specs: The nodes, sinks first; the usual graph where nothing is said.
+        specs: The nodes, sinks first; the usual graph by default.
     """
 
     def __init__(

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from rods import CASE, DRIVE
 
 from cable_fem_node.node import CableFemNode
@@ -25,9 +24,7 @@ PUBLISHED = (topics.FEM_MARKERS, topics.FEM_CABLE, topics.FEM_PREDICTION, topics
 
 def solver_node(ros: Any, **parameters: object) -> CableFemNode:
     """Return a node of case 4 that is not configured yet."""
-    values = {"case": 4, **parameters}
-    overrides = [Parameter(name, value=value) for name, value in values.items()]
-    node: CableFemNode = ros.add(CableFemNode, parameter_overrides=overrides)
+    node: CableFemNode = ros.add(CableFemNode, parameters={"case": 4, **parameters})
     return node
 
 

@@ -95,7 +95,7 @@ def test_stated_error_is_not_a_shrug() -> None:
     assert estimate.half_width_90 < 0.015 * estimate.young
 
 
-def test_a_cable_that_hardly_stretches_tells_less() -> None:
+def test_a_cable_that_hardly_stretches_identifies_less() -> None:
     errors = []
     for case in (4, 5):
         theta, _ = closed_form(case, "linear")

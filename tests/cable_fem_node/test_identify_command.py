@@ -149,7 +149,7 @@ def test_markers_of_no_cable_are_not_explained_away(tmp_path: Path) -> None:
 
 
 @pytest.mark.processes
-def test_recorded_run_is_read_with_its_own_condition(recorded_run, tmp_path: Path) -> None:
+def test_recorded_run_is_read_with_its_own_condition(recorded_run: Any, tmp_path: Path) -> None:
     found, _ = identified(tmp_path, recorded_run.bag)
     # Case 4 lies where the paper measured it: P1 at 6.28 rad instead of 6.58 with 2.6 MPa.
     assert [row["id"] for row in found["residuals"]] == [1]
@@ -157,7 +157,7 @@ def test_recorded_run_is_read_with_its_own_condition(recorded_run, tmp_path: Pat
     assert 4.0e6 < found["young_pa"] < 5.2e6
 
 
-def test_rig_comes_with_covariance_and_what_markers_do_not_tell(
+def test_rig_comes_with_covariance_and_what_markers_do_not_determine(
     markers: Path, tmp_path: Path
 ) -> None:
     found, text = identified(tmp_path, markers, "--case", 4, "--use", 2, "--rig")

@@ -11,6 +11,8 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -62,20 +64,20 @@ print(json.dumps([rod.nodes.tolist(), solid.nodes.tolist(), model.cable()["x"].t
 """
 
 
-def wavy(count, seed):
+def wavy(count: int, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     nodes = line(0.05, count)
     return nodes + 1.0e-3 * rng.standard_normal(nodes.shape)
 
 
-def moved_rod():
+def moved_rod() -> Rod:
     rod = Rod(line(0.05, 8), SECTION)
     rod.clamp("start")
     rod.set_nodes(wavy(8, 1))
     return rod
 
 
-def moved_framed_rod():
+def moved_framed_rod() -> Rod:
     rod = Rod(wavy(8, 2), SECTION, twist=True, curved=True)
     rod.clamp("start")
     rod.set_nodes(wavy(8, 3))
@@ -84,7 +86,7 @@ def moved_framed_rod():
     return rod
 
 
-def moved_solid(law):
+def moved_solid(law: str) -> Solid:
     nodes, hexes = block([2.0e-3, 1.0e-3, 1.0e-3], (2, 1, 1))
     solid = Solid(nodes, hexes, SolidLaw(law=law))
     rng = np.random.default_rng(5)
@@ -106,7 +108,7 @@ def moved_solid(law):
         ),
     ],
 )
-def test_forces_are_slopes_of_the_energy(build, tolerance):
+def test_forces_are_slopes_of_the_energy(build: Callable[[], Any], tolerance: float) -> None:
     model = build()
     forces, start, step = model.internal_forces(), model.nodes, 1.0e-8
     slope = np.zeros_like(forces)
@@ -122,7 +124,7 @@ def test_forces_are_slopes_of_the_energy(build, tolerance):
     assert -forces == pytest.approx(slope, abs=tolerance * np.abs(forces).max())
 
 
-def test_tip_deflection_converges_at_second_order():
+def test_tip_deflection_converges_at_second_order() -> None:
     counts = np.array([8, 16, 32])
     exact = 0.49345748  # elastica, alpha = 2 (Bisshopp and Drucker 1945)
     errors = []
@@ -136,7 +138,7 @@ def test_tip_deflection_converges_at_second_order():
     assert rates.min() > 1.8, f"errors {errors}"
 
 
-def test_hourglass_control_is_active():
+def test_hourglass_control_is_active() -> None:
     nodes, hexes = block([1.0e-3] * 3, (1, 1, 1))
     wave = 1.0e-5 * (nodes[:, :1] - 5.0e-4) * (nodes[:, 1:2] - 5.0e-4) / 2.5e-7
     moved = nodes + wave * np.array([0.0, 0.0, 1.0])
@@ -149,14 +151,14 @@ def test_hourglass_control_is_active():
     assert with_control.hourglass_energy() > 1e-10
 
 
-def test_solid_conserves_momentum_and_energy():
+def test_solid_conserves_momentum_and_energy() -> None:
     mesh = round_bar(4.0e-3, np.linspace(0.0, 0.02, 6))
     solid = Solid(mesh.nodes, mesh.hexes, SolidLaw(law="neo_hookean"), bulk_viscosity=0.0)
     velocity = np.cross([3.0, 0.0, 40.0], mesh.nodes) + np.array([0.1, -0.2, 0.3])
     velocity[:, 0] += 2.0 * np.sin(math.pi * mesh.nodes[:, 2] / 0.02)
     solid.set_velocities(velocity)
 
-    def momenta():
+    def momenta() -> tuple[np.ndarray, np.ndarray]:
         moving = solid.mass[:, None] * solid.velocities
         return moving.sum(axis=0), np.cross(solid.nodes, moving).sum(axis=0)
 
@@ -173,7 +175,7 @@ def test_solid_conserves_momentum_and_energy():
     assert last.kinetic + last.internal == pytest.approx(total, rel=5e-3)
 
 
-def test_contact_holds_a_pressed_block():
+def test_contact_holds_a_pressed_block() -> None:
     nodes, hexes = block([2.0e-3] * 3, (2, 2, 2))
     reach = 0.1
     solid = Solid(nodes + np.array([reach, -1.0e-3, 0.0]), hexes, SolidLaw())
@@ -187,7 +189,7 @@ def test_contact_holds_a_pressed_block():
     assert solid.contact_forces().sum() == pytest.approx(0.5, rel=1e-3)
 
 
-def test_solid_run_fails_loudly_on_a_negative_jacobian():
+def test_solid_run_fails_loudly_on_a_negative_jacobian() -> None:
     nodes, hexes = block([1.0e-3] * 3, (1, 1, 1))
     solid = Solid(nodes, hexes, SolidLaw())
     solid.fix(range(4))
@@ -223,18 +225,18 @@ def test_solid_run_fails_loudly_on_a_negative_jacobian():
         ),
     ],
 )
-def test_what_a_model_cannot_be_is_refused(build, words):
+def test_what_a_model_cannot_be_is_refused(build: Callable[[], object], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         build()
 
 
-def viscous_rod(viscosity, *, twist):
+def viscous_rod(viscosity: float, *, twist: bool) -> None:
     rod = Rod(line(0.1, 6), SECTION, twist=twist)
     rod.viscosity = viscosity
     rod.advance(1.0e-3)
 
 
-def test_viscous_bending_decays_as_kelvin_and_voigt_have_it():
+def test_viscous_bending_decays_as_kelvin_and_voigt_have_it() -> None:
     viscosity = 0.03
     rod = Rod(line(0.3, 12), RodSection(diameter=6.0e-3, young=1.0e7, density=1.0e3), twist=True)
     rod.clamp("start")
@@ -259,7 +261,7 @@ def test_viscous_bending_decays_as_kelvin_and_voigt_have_it():
     assert left == pytest.approx(energy.initial, rel=0.02)
 
 
-def test_placing_nodes_is_no_motion_to_viscosity():
+def test_placing_nodes_is_no_motion_to_viscosity() -> None:
     nodes = line(0.1, 6)
     rod = Rod(nodes, SECTION, twist=True)
     rod.clamp("start")
@@ -271,7 +273,7 @@ def test_placing_nodes_is_no_motion_to_viscosity():
     assert rod.energy.damping == pytest.approx(before, abs=1.0e-12)
 
 
-def test_clamp_that_is_aimed_round_a_cone_twists_the_rod_by_the_cone_s_solid_angle():
+def test_clamp_that_is_aimed_round_a_cone_twists_the_rod_by_the_cone_s_solid_angle() -> None:
     rod = Rod(line(0.1, 10), SECTION, twist=True)
     rod.clamp("start")
     rod.clamp("end")
@@ -287,7 +289,7 @@ def test_clamp_that_is_aimed_round_a_cone_twists_the_rod_by_the_cone_s_solid_ang
     assert abs(twist) == pytest.approx(2.0 * math.pi * (1.0 - math.cos(tilt)), rel=1.0e-3)
 
 
-def test_linear_law_agrees_with_the_polar_decomposition():
+def test_linear_law_agrees_with_the_polar_decomposition() -> None:
     rule, rng = SolidLaw(law="linear"), np.random.default_rng(3)
     for _ in range(6):
         gradient = expm(0.25 * rng.standard_normal((3, 3)))
@@ -298,7 +300,7 @@ def test_linear_law_agrees_with_the_polar_decomposition():
 
 
 @pytest.mark.parametrize("own", [*({"law": law} for law in LAWS), STIFFENING])
-def test_uniaxial_response_has_free_sides(own):
+def test_uniaxial_response_has_free_sides(own: dict[str, Any]) -> None:
     rule = SolidLaw.of(MaterialLaw(**own))
     for stretch in (0.8, 1.1, 1.5):
         lateral = float(rule.lateral_stretch(stretch))
@@ -309,7 +311,7 @@ def test_uniaxial_response_has_free_sides(own):
 
 
 @pytest.mark.parametrize("law", LAWS)
-def test_table_is_the_law(law):
+def test_table_is_the_law(law: str) -> None:
     rule = MaterialLaw(law=law)
     response = axial_response(rule, 1.0)
     for stretch in np.random.default_rng(4).uniform(0.4, 3.0, 50):
@@ -320,12 +322,12 @@ def test_table_is_the_law(law):
         assert energy == pytest.approx(float(rule.energy_density(stretch)), abs=1e-6 * rule.young)
 
 
-def test_dead_load_beyond_the_limit_is_refused():
+def test_dead_load_beyond_the_limit_is_refused() -> None:
     with pytest.raises(NoEquilibriumError, match=r"at most 0\.9565 MPa"):
         MaterialLaw(law="hencky").stretch_at(1.249e6)
 
 
-def test_inverted_gradient_is_refused():
+def test_inverted_gradient_is_refused() -> None:
     with pytest.raises(ValueError, match="determinant"):
         SolidLaw().first_piola(np.diag([1.0, 1.0, -1.0]))
 
@@ -339,12 +341,12 @@ def test_inverted_gradient_is_refused():
         ({"law": "linear", "incompressible": True}, "incompressible applies"),
     ],
 )
-def test_invalid_laws_are_refused(change, words):
+def test_invalid_laws_are_refused(change: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         MaterialLaw(**change)
 
 
-def outcome(**environment):
+def outcome(**environment: str) -> Any:
     done = subprocess.run(
         [sys.executable, "-c", SCRIPT],
         env={**os.environ, **environment},
@@ -358,7 +360,9 @@ def outcome(**environment):
 
 
 @pytest.mark.slow
-def test_interpreted_kernels_give_the_compiled_numbers():
-    for compiled, interpreted in zip(outcome(), outcome(NUMBA_DISABLE_JIT="1"), strict=True):
+def test_interpreted_kernels_give_the_compiled_numbers() -> None:
+    numbers = outcome()
+    assert numbers
+    for compiled, interpreted in zip(numbers, outcome(NUMBA_DISABLE_JIT="1"), strict=True):
         # Compiled sums are reordered: rounding of a few hundred steps remains.
         assert np.asarray(interpreted) == pytest.approx(np.asarray(compiled), rel=1e-9, abs=1e-12)

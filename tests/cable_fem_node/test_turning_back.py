@@ -37,7 +37,9 @@ def reading(angle: Motion, guide: Motion, t: float) -> AxisReading:
     )
 
 
-def followed(config: WindingConfig, angle: Motion, guide: Motion, end: float, period: float):
+def followed(
+    config: WindingConfig, angle: Motion, guide: Motion, end: float, period: float
+) -> RodWinding:
     model = RodWinding(config)
     for i in range(1, round(end / period) + 1):
         model.advance_to(period * i, reading(angle, guide, period * i))
@@ -70,7 +72,7 @@ def test_unwinding_gives_the_cable_back() -> None:
     out = time < 13.0
     at = np.linspace(3.0, angle.max() - 2.0, 40)
 
-    def there_and_back(values):
+    def there_and_back(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         back = np.interp(at, angle[~out][::-1], values[~out][::-1])
         return np.interp(at, angle[out], values[out]), back
 

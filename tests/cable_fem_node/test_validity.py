@@ -156,7 +156,7 @@ def test_the_proposed_mass_scaling_leaves_the_cable_where_it_is() -> None:
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(CONDITIONS))
-def test_default_elements_are_short_enough_or_it_is_refused(seed):
+def test_default_elements_are_short_enough_or_it_is_refused(seed: int) -> None:
     try:
         run = planned(seed)
         if effort(run)[0] > TOO_LONG:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from rods import CASE, CONFIG, DRIVE, case_of, follow, tracked
 from cable_fem_node.dynamics.state import DivergenceError
 from cable_fem_node.identification.quasi_static import lay
 from cable_fem_node.winding.discretisation import discretisation_error
-from cable_fem_node.winding.prediction import PlannedRun, predict
+from cable_fem_node.winding.prediction import PlannedRun, Prediction, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -29,11 +30,11 @@ from winding_verification.solver.winding_steppers import Machine
 
 # One process computes what the tests of this file share.
 @pytest.fixture(scope="module")
-def run():
+def run() -> Prediction:
     return predict(CONFIG)
 
 
-def test_wound_markers_stay_where_they_landed(run):
+def test_wound_markers_stay_where_they_landed(run: Prediction) -> None:
     for n in range(1, 5):
         track = run.history[:, n]
         landed = track[is_wound(track)]
@@ -42,13 +43,13 @@ def test_wound_markers_stay_where_they_landed(run):
         assert np.ptp(landed["theta"]) * landed["r"][0] < 5.0e-5
 
 
-def test_energy_balance_closes(run):
+def test_energy_balance_closes(run: Prediction) -> None:
     # Integrator error measured 0.01 %; the limit that stops a run is 1 %.
     assert run.energy.balance_pct < 0.1
     assert run.energy.kinetic_over_internal < 1.0e-3
 
 
-def test_cable_used_per_turn_is_the_turn_over_the_stretch(run):
+def test_cable_used_per_turn_is_the_turn_over_the_stretch(run: Prediction) -> None:
     circumference = 2.0 * math.pi * run.config.case.centreline_radius
     slope = np.diff(run.z_at(2.0 * math.pi * np.arange(run.turns + 1)))
     expected = np.hypot(circumference, slope) / run.stretch
@@ -56,7 +57,7 @@ def test_cable_used_per_turn_is_the_turn_over_the_stretch(run):
     assert run.cable_per_turn() == pytest.approx(expected, rel=2.0e-3)
 
 
-def test_tension_is_the_weight_in_the_span_and_less_on_the_drum(run):
+def test_tension_is_the_weight_in_the_span_and_less_on_the_drum(run: Prediction) -> None:
     weight = run.config.case.weight
     assert run.cable["tension"][-1] == weight
     wound = run.cable["tension"][5:50].mean()
@@ -65,7 +66,7 @@ def test_tension_is_the_weight_in_the_span_and_less_on_the_drum(run):
     assert wound < weight - 0.035
 
 
-def test_thin_cable_without_bending_converges_to_the_fleet_angle_law():
+def test_thin_cable_without_bending_converges_to_the_fleet_angle_law() -> None:
     thin = replace(paper_case(1), cable_diameter=1.0e-3, weight=0.3)
     config = WindingConfig(case=thin, segment_length=2.5e-3)
     result = predict(config, duration=8.0)
@@ -81,7 +82,7 @@ def test_thin_cable_without_bending_converges_to_the_fleet_angle_law():
 
 
 @pytest.mark.slow
-def test_wound_length_converges_with_the_segment_length():
+def test_wound_length_converges_with_the_segment_length() -> None:
     lengths = np.array([10.0e-3, 5.0e-3, 2.5e-3, 1.25e-3])
     runs = [
         predict(WindingConfig(case=paper_case(7), segment_length=length), duration=6.5)
@@ -97,7 +98,7 @@ def test_wound_length_converges_with_the_segment_length():
     assert runs[-1].markers["s"][1] == pytest.approx(exact, rel=5.0e-4)
 
 
-def test_small_and_large_advances_agree():
+def test_small_and_large_advances_agree() -> None:
     coarse = follow(follow(RodWinding(CONFIG), 1.02, 1.02), 1.5)
     fine = follow(RodWinding(CONFIG), 1.5, 1.0e-3)
     a, b = coarse.cable(), fine.cable()
@@ -105,7 +106,7 @@ def test_small_and_large_advances_agree():
     assert np.abs(a["z"] - b["z"]).max() < 2.0e-5
 
 
-def test_measured_tension_is_followed():
+def test_measured_tension_is_followed() -> None:
     model = follow(RodWinding(CONFIG), 1.0, 1.0)
     follow(model, 2.0, 0.5, tension=3.0)
     assert model.span_tension == 3.0
@@ -114,13 +115,13 @@ def test_measured_tension_is_followed():
     assert span["tension"].mean() == pytest.approx(3.0, rel=0.02)
 
 
-def test_rig_tension_law():
+def test_rig_tension_law() -> None:
     law = RigTension(offset=1.0, weight_share=0.5, diameter_gain=2.0, start_share=0.25)
     assert law(4.0, 45.0e-3, 0.0) == pytest.approx(0.25 * 3.0)
     assert law(4.0, 90.0e-3, 100.0) == pytest.approx(5.0)
 
 
-def test_rolling_carries_the_cable_towards_the_guide():
+def test_rolling_carries_the_cable_towards_the_guide() -> None:
     held = predict(CONFIG, duration=8.0)
     rolled = predict(WindingConfig(case=CASE, rolling=True), duration=8.0)
     # A rolling cable cannot hold its lateral place: about a millimetre of z per marker here.
@@ -128,13 +129,13 @@ def test_rolling_carries_the_cable_towards_the_guide():
     assert rolled.energy.balance_pct < 1.0
 
 
-def test_markers_ahead_of_the_drum_are_flagged():
+def test_markers_ahead_of_the_drum_are_flagged() -> None:
     flags = follow(RodWinding(CONFIG), 1.0, 1.0).markers()["flags"]
     assert not flags[0]
     assert np.all(flags[1:] == MarkerFlag.NOT_WOUND)
 
 
-def test_divergence_is_loud():
+def test_divergence_is_loud() -> None:
     model = RodWinding(CONFIG)
     model.step_limit *= 4.0
     with pytest.raises(DivergenceError, match=r"diverged before t = .* at element"):
@@ -145,18 +146,18 @@ def test_divergence_is_loud():
     ("name", "value"),
     [("segment_length", 0.0), ("friction", -0.1), ("free_length", -1.0), ("law", "wood")],
 )
-def test_invalid_configuration_is_refused(name, value):
+def test_invalid_configuration_is_refused(name: str, value: object) -> None:
     with pytest.raises(ValueError, match=name):
         WindingConfig(case=CASE, **{name: value})
 
 
-def test_time_must_not_run_backwards():
+def test_time_must_not_run_backwards() -> None:
     model = follow(RodWinding(CONFIG), 0.1, 0.1)
     with pytest.raises(ValueError, match="backwards"):
         model.advance_to(0.05, DRIVE.reading_at(0.05))
 
 
-def test_a_guide_does_the_work_of_pushing_a_stiff_span_aside():
+def test_a_guide_does_the_work_of_pushing_a_stiff_span_aside() -> None:
     case = Case(
         cylinder_diameter=0.3,
         cable_diameter=4.0e-3,
@@ -250,7 +251,7 @@ def stiff_run(bending_share: float, segment: float) -> PlannedRun:
 
 
 @pytest.mark.parametrize("bending_share", [0.05, 0.2])
-def test_bending_takes_its_share_of_the_tension(bending_share):
+def test_bending_takes_its_share_of_the_tension(bending_share: float) -> None:
     run = stiff_run(bending_share, 5.0e-3)
     result = run.wind(whole=False)
     wound = result.cable["tension"][2 : result.arc.size - 2].mean()
@@ -261,7 +262,7 @@ def test_bending_takes_its_share_of_the_tension(bending_share):
 
 
 @pytest.mark.parametrize("case", [1, 4])
-def test_cable_does_not_bounce_where_it_lands(case):
+def test_cable_does_not_bounce_where_it_lands(case: int) -> None:
     drive = DriveProfile()
     model = follow(RodWinding(case_of(case, rests=False)), 2.0, 5.0e-3)
     laid, landings = model.wound_path()[0].size, 0
@@ -276,13 +277,13 @@ def test_cable_does_not_bounce_where_it_lands(case):
 # A light cable that bounced until its energy balance was open by 1.5 %, and one that did not. The
 # bar is the paper's conditions'; measured 0.003.
 @pytest.mark.parametrize("seed", [1, 26])
-def test_landing_neither_makes_nor_takes_energy(seed):
+def test_landing_neither_makes_nor_takes_energy(seed: int) -> None:
     config, drive = condition(seed)
     run = PlannedRun(config=config, drive=drive, duration=3.0)
     assert run.wind(whole=False).energy.balance_pct < 0.1
 
 
-def test_strain_of_a_stiff_cable_does_not_hang_on_its_elements():
+def test_strain_of_a_stiff_cable_does_not_hang_on_its_elements() -> None:
     # What bending takes is 5 % of the tension. Measured 8e-4, with elements that are held where
     # they land 6e-3.
     one, other = (stiff_run(0.05, length).wind(whole=False) for length in (5.0e-3, 2.5e-3))
@@ -290,7 +291,7 @@ def test_strain_of_a_stiff_cable_does_not_hang_on_its_elements():
 
 
 @pytest.mark.slow
-def test_the_estimate_covers_what_much_shorter_elements_change():
+def test_the_estimate_covers_what_much_shorter_elements_change() -> None:
     case = dataclasses.replace(paper_case(6), marker_spacing=0.04, marker_count=1)
     run = PlannedRun(config=WindingConfig(case=case), duration=3.0)
     result = run.wind(whole=False)
@@ -305,14 +306,15 @@ def test_the_estimate_covers_what_much_shorter_elements_change():
     assert math.copysign(1.0, estimate.s[0]) == math.copysign(1.0, left)
 
 
-def test_markers_that_are_not_wound_have_no_estimate():
+def test_markers_that_are_not_wound_have_no_estimate() -> None:
     run = PlannedRun(config=CONFIG, duration=1.0)
     estimate = discretisation_error(run, run.wind(whole=False))
+    assert estimate.s.shape == estimate.theta.shape == (CASE.marker_count,)
     assert np.isnan(estimate.s).all()
     assert np.isnan(estimate.theta).all()
 
 
-def test_lift_off_of_a_known_moment_lies_between_the_nodes():
+def test_lift_off_of_a_known_moment_lies_between_the_nodes() -> None:
     # A circle up to azimuth 0.3, then a curvature that decays as a stiff cable's does.
     radius, h, edge = 1.0, 0.05, 0.3
     arc = h * np.arange(60)
@@ -327,7 +329,7 @@ def test_lift_off_of_a_known_moment_lies_between_the_nodes():
     assert found == pytest.approx(edge, abs=2.0e-3)
 
 
-def test_a_limp_cable_has_no_moment_to_follow():
+def test_a_limp_cable_has_no_moment_to_follow() -> None:
     model = RodWinding(case_of(1))
     with pytest.raises(ValueError, match="lift-off needs 8 nodes"):
         model.lift_off()
@@ -335,7 +337,7 @@ def test_a_limp_cable_has_no_moment_to_follow():
 
 @pytest.mark.campaign
 @pytest.mark.slow
-def test_paper_mesh_winds_four_turns_with_a_closed_balance():
+def test_paper_mesh_winds_four_turns_with_a_closed_balance() -> None:
     config = WindingConfig(case=paper_case(4), segment_length=20.0e-3, mass_scaling=2000.0)
     run = predict(config, duration=15.5, rate=10.0, element="solid")
     assert run.theta[-1] > 8.0 * np.pi
@@ -345,7 +347,7 @@ def test_paper_mesh_winds_four_turns_with_a_closed_balance():
 
 @pytest.mark.campaign
 @pytest.mark.slow
-def test_solid_lies_like_the_rod():
+def test_solid_lies_like_the_rod() -> None:
     config = WindingConfig(case=paper_case(4), segment_length=5.0e-3, mass_scaling=1500.0)
     solid = predict(config, duration=2.8, rate=10.0, element="solid")
     rod = predict(WindingConfig(case=paper_case(4)), duration=2.8, rate=10.0)
@@ -359,7 +361,7 @@ def test_solid_lies_like_the_rod():
 @pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("own", [{}, {"law": "mooney_rivlin", "mooney_ratio": 5.0}])
-def test_solid_starts_in_equilibrium_with_the_weight(own):
+def test_solid_starts_in_equilibrium_with_the_weight(own: dict[str, Any]) -> None:
     config = WindingConfig(case=paper_case(4), segment_length=10.0e-3, **own)
     model = SolidWinding(config, 2.0)
     tension = model.cable()["tension"]
@@ -369,7 +371,7 @@ def test_solid_starts_in_equilibrium_with_the_weight(own):
 
 @pytest.mark.campaign
 @pytest.mark.slow
-def test_cable_that_runs_out_is_reported():
+def test_cable_that_runs_out_is_reported() -> None:
     config = WindingConfig(case=paper_case(4), segment_length=20.0e-3, mass_scaling=4000.0)
     model = SolidWinding(config, 0.2)
     with pytest.raises(DivergenceError, match="reached the guide"):

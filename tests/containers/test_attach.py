@@ -59,7 +59,7 @@ def test_a_node_that_its_keeper_starts_again_winds_on(containers: Any, tmp_path:
     assert events == ["detected", "stopped", "standing", "restarting", "restarted", "resumed"]
 
 
-def test_a_refused_parameter_is_said_by_name(
+def test_a_refused_parameter_is_named(
     containers: Any, tmp_path: Path, command: Callable[..., Any]
 ) -> None:
     parameters = tmp_path / "own.yaml"

@@ -116,7 +116,7 @@ def test_an_oracle_has_no_left_out_error(scores) -> None:
     assert np.isnan([oracle.leave_one_case_out_pct, *oracle.held_out]).all()
 
 
-def test_every_model_says_what_it_is_and_gives_every_h(scores) -> None:
+def test_every_model_is_described_and_gives_every_h(scores) -> None:
     assert scores
     for score in scores.values():
         assert score.description.endswith(".")
@@ -176,7 +176,7 @@ def test_model_and_baselines_are_scored_alike(learned) -> None:
         assert np.isfinite([score.in_sample_pct, score.leave_one_case_out_pct]).all()
 
 
-def test_the_card_says_what_the_weights_come_from(learned) -> None:
+def test_the_card_names_the_data_of_the_weights(learned) -> None:
     name, result = learned
     card = result.factor.card
     assert card["data"] == {"name": "rod", "sha256": DATA.sha256, "cells": 45, "cases": 12}
@@ -185,7 +185,7 @@ def test_the_card_says_what_the_weights_come_from(learned) -> None:
     json.dumps(card, allow_nan=False)
 
 
-def test_the_card_of_a_form_found_on_these_cells_says_so(learned) -> None:
+def test_the_card_states_that_a_form_was_selected_on_these_cells(learned) -> None:
     name, result = learned
     optimistic = "with all 45 cells in view" in result.factor.card["selection"]
     assert optimistic == (name in (RIG, RIG_NETWORK))

@@ -51,7 +51,7 @@ def test_a_weight_survives_the_way_to_disk(tmp_path, name: str) -> None:
         assert (tmp_path / "new" / "folder" / file).read_bytes() == (folder / file).read_bytes()
 
 
-def test_missing_weights_say_how_to_make_them(tmp_path) -> None:
+def test_missing_weights_are_refused_with_the_command_that_trains_them(tmp_path) -> None:
     with pytest.raises(FileNotFoundError, match=r"no trained weights at .*: name one of rod, "):
         load_factor(tmp_path)
 

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
 
 from correction_node.live.measured_run import SETTLED_FRAMES as FRAMES
 from correction_node.models.dataset import load_data_set
@@ -16,10 +15,6 @@ from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud, encode_cloud
 from winding_ros.messages.diagnostics import decode_case_votes
-
-
-def overrides(**values: object) -> list[Parameter]:
-    return [Parameter(name, value=value) for name, value in values.items()]
 
 
 def measured(number: int, wound: int) -> np.ndarray:
@@ -47,7 +42,7 @@ class Bench:
     """An active node between a probe's publishers and subscriptions."""
 
     def __init__(self, ros: Any, **parameters: object) -> None:
-        self.node = ros.add(CorrectionNode, parameter_overrides=overrides(**parameters))
+        self.node = ros.add(CorrectionNode, parameters=parameters)
         probe = ros.plain()
         self.corrected: list[Any] = []
         self.votes: list[Any] = []
@@ -98,7 +93,7 @@ def test_case_is_named_when_a_further_marker_is_measured_and_not_before(ros: Any
     assert next(iter(decode_case_votes(bench.votes[-1])[1])) == 8
 
 
-def test_measured_markers_correct_those_that_follow_and_it_is_said(ros: Any) -> None:
+def test_measured_markers_correct_those_that_follow_and_are_reported(ros: Any) -> None:
     bench = Bench(ros, case=9)
     assert bench.node.status().values["basis"] == "weight"
     bench.fem.publish(encode_cloud(1.0, predicted(9)))
@@ -121,7 +116,7 @@ def test_measured_markers_correct_those_that_follow_and_it_is_said(ros: Any) -> 
     assert status.message == "correcting by measured P1, P2"
 
 
-def test_a_garbage_marker_is_counted_said_and_moves_no_prediction(ros: Any) -> None:
+def test_a_garbage_marker_is_counted_reported_and_moves_no_prediction(ros: Any) -> None:
     bench = Bench(ros, case=9)
     garbage = measured(9, 2)
     garbage["s"][1] = 0.1
@@ -151,7 +146,7 @@ def test_a_new_activation_forgets_the_last_run(ros: Any) -> None:
     assert bench.node.status().values["basis"] == "weight"
 
 
-def test_condition_outside_the_trained_ones_is_left_as_predicted_and_said(ros: Any) -> None:
+def test_condition_outside_the_trained_ones_is_left_as_predicted_and_reported(ros: Any) -> None:
     bench = Bench(
         ros, case=0, cylinder_diameter=0.2, cable_diameter=0.004, weight=2.0, marker_spacing=0.1
     )
@@ -162,5 +157,5 @@ def test_condition_outside_the_trained_ones_is_left_as_predicted_and_said(ros: A
 
 
 def test_missing_weights_are_refused(ros: Any) -> None:
-    node = ros.add(CorrectionNode, parameter_overrides=overrides(weights="nowhere"))
+    node = ros.add(CorrectionNode, parameters={"weights": "nowhere"})
     assert node.trigger_configure() is TransitionCallbackReturn.FAILURE

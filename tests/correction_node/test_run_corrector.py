@@ -176,7 +176,7 @@ def test_time_that_goes_back_begins_a_new_run(run: RunCorrector) -> None:
     assert run.measured.seen == {1}
 
 
-def test_a_marker_that_stays_far_from_what_is_expected_is_refused_and_said(
+def test_a_marker_that_stays_far_from_what_is_expected_is_rejected_and_reported(
     run: RunCorrector,
 ) -> None:
     frames(run, S_EXP[:2])
@@ -302,7 +302,7 @@ def test_outside_the_trained_conditions_bounds_within_the_run_are_doubled() -> N
     assert widths[other.weight] == pytest.approx(2.0 * widths[known.weight], rel=1e-9)
 
 
-def test_a_spacing_that_no_run_had_is_said() -> None:
+def test_a_spacing_outside_the_training_data_is_reported() -> None:
     case = Case(cylinder_diameter=0.03, cable_diameter=0.004, weight=2.0, marker_spacing=0.02)
     outside = RunCorrector(CORRECTOR, LAW, case).outside
     assert outside is not None

@@ -147,7 +147,7 @@ def command() -> typer.Typer:
     return app
 
 
-def test_training_writes_weights_and_says_how_good_they_are(command, tmp_path) -> None:
+def test_training_writes_weights_and_prints_their_held_out_error(command, tmp_path) -> None:
     out = tmp_path / "mine"
     done = CliRunner().invoke(
         command,
@@ -213,7 +213,7 @@ def test_data_of_ones_own_needs_a_folder_of_ones_own(command, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("name", ["torch", "sklearn"])
-def test_training_without_its_libraries_says_what_to_install(command, monkeypatch, name) -> None:
+def test_training_without_its_libraries_names_what_to_install(command, monkeypatch, name) -> None:
     monkeypatch.setitem(sys.modules, name, None)
     refused = CliRunner().invoke(command, [])
     assert refused.exit_code == 2
@@ -299,7 +299,7 @@ def test_a_level_that_twelve_cases_cannot_carry_is_refused() -> None:
 
 
 @pytest.mark.slow
-def test_the_bound_covers_new_cases_as_often_as_it_says() -> None:
+def test_the_bound_covers_new_cases_at_its_nominal_rate() -> None:
     rng = np.random.default_rng(7)
     whole = [c for c in CELLS if c.case not in (2, 7, 8)]
     one = [c for c in whole if c.case == 1]

@@ -59,7 +59,7 @@ def built_up(final: float, gain: float, length: float, spacing: float = SPACING)
     return np.cumsum(spacing * (final - gain * np.exp(-start / length)))
 
 
-def test_a_run_that_builds_up_as_the_law_says_is_continued_exactly() -> None:
+def test_a_run_that_builds_up_by_the_law_is_continued_exactly() -> None:
     for known in [(0, 1), (0, 1, 2), (1, 2), (0, 2)]:
         lengths = built_up(1.4, 0.3, LAW.build_up_length)
         measured = np.full(4, np.nan)
@@ -80,7 +80,7 @@ def test_only_markers_before_the_asked_one_are_used() -> None:
     assert before == after
 
 
-def test_one_measured_marker_does_not_say_how_increments_grow() -> None:
+def test_one_measured_marker_does_not_determine_how_increments_grow() -> None:
     for measured in [[], [0.11], [np.nan, 0.22]]:
         found = LAW.length_ahead(4, spacing=SPACING, predicted=UNDEFORMED, measured=measured)
         assert found is None
@@ -163,7 +163,7 @@ def test_a_held_out_case_does_not_move_its_own_prediction() -> None:
 
 
 @pytest.mark.slow
-def test_more_measured_markers_predict_better_and_say_so(scored: WithinRunScore) -> None:
+def test_more_measured_markers_predict_better_with_narrower_bounds(scored: WithinRunScore) -> None:
     with_three = score_within_run(CELLS, 3)
     assert with_three.held_out_pct < scored.by_marker_pct[4]
     law = published_within_run()
@@ -217,7 +217,7 @@ def test_the_known_lengths_are_the_experiments() -> None:
     assert np.isnan(TABLE[:, 3]).tolist() == [case in (2, 7, 8) for case in CASES]
 
 
-def test_a_published_run_resembles_itself_where_lengths_can_tell() -> None:
+def test_a_published_run_resembles_itself_where_lengths_are_distinct() -> None:
     assert len(CASES) == 12
     for case, lengths in zip(CASES, TABLE, strict=True):
         # Cases 3 and 6 differ by 0.3 % rms, half the repeatability: they may be exchanged.
@@ -284,7 +284,7 @@ def test_repetitions_of_a_run_differ_by_one_share_and_of_markers_by_four() -> No
         assert shares[:, 0].std(ddof=1) == pytest.approx(0.02, rel=0.75)
 
 
-def test_simulated_repeatability_says_that_it_is_simulated_and_repeats_itself() -> None:
+def test_simulated_repeatability_is_labelled_simulated_and_deterministic() -> None:
     assert "simulated" in LABEL
     once = accuracy_by_noise((0.02,), campaigns=2, seed=3)
     assert once == accuracy_by_noise((0.02,), campaigns=2, seed=3)

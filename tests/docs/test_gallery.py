@@ -145,9 +145,7 @@ def as_video(folder: Path) -> str:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("source", [lambda _: "film", as_video], ids=["folder", "video"])
-def test_a_film_is_tracked_to_where_its_truth_says(
-    film: Path, source: Callable[[Path], str]
-) -> None:
+def test_a_film_is_tracked_to_its_ground_truth(film: Path, source: Callable[[Path], str]) -> None:
     printed = run("track_film", source(film), folder=film)
     theta, x, y, z = map(
         float,
@@ -174,7 +172,7 @@ def test_a_film_is_tracked_to_where_its_truth_says(
 
 @pytest.mark.processes
 @pytest.mark.slow
-def test_a_recording_is_read_as_the_run_has_told_it(recorded_run: Any, tmp_path: Path) -> None:
+def test_a_recording_is_read_as_the_run_reported_it(recorded_run: Any, tmp_path: Path) -> None:
     printed = run("read_bag", recorded_run.bag, folder=tmp_path)
     picture(tmp_path / "read_bag.png")
     (marker, *_) = json.loads(recorded_run.json.read_text(encoding="utf-8"))["markers"]

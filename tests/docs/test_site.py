@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -82,17 +83,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def pasted(page: Path) -> list[str]:
-    """Return the blocks of a page that `test_tutorials.py` pastes."""
-    return re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.M)
-
-
 @pytest.mark.parametrize("name", ["gallery", *(f"tutorials/{path.stem}" for path in TUTORIALS)])
-def test_a_reader_of_the_site_copies_the_commands_that_are_tested(site: Path, name: str) -> None:
+def test_a_reader_of_the_site_copies_the_commands_that_are_tested(
+    site: Path, name: str, shell_blocks: Callable[[Path], list[str]]
+) -> None:
     shown = [
         text for language, _, text in CodeBlocks(site / f"{name}.html").blocks if language == "sh"
     ]
-    tested = pasted(ROOT / "docs" / f"{name}.md")
+    tested = shell_blocks(ROOT / "docs" / f"{name}.md")
     assert tested
     assert shown == tested
 

@@ -6,12 +6,14 @@ import re
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
+Blocks = Callable[[Path], list[str]]
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 TUTORIALS = [*sorted((DOCS / "tutorials").glob("*.md")), DOCS / "gallery.md"]
@@ -21,16 +23,12 @@ PATIENCE = 840.0
 NEWCOMER = ("predict_lay.py", "winding predict", "winding track", "read_bag.py")
 
 
-def blocks(page: Path) -> list[str]:
-    return re.findall(r"^```sh\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.M)
+def test_every_tutorial_has_something_to_run(shell_blocks: Blocks) -> None:
+    assert [page.name for page in TUTORIALS if not shell_blocks(page)] == []
 
 
-def test_every_tutorial_has_something_to_run() -> None:
-    assert [page.name for page in TUTORIALS if not blocks(page)] == []
-
-
-def test_the_newcomer_gets_a_picture_a_cable_a_film_and_a_recording() -> None:
-    text = "".join(blocks(DOCS / "tutorials" / "newcomer.md"))
+def test_the_newcomer_gets_a_picture_a_cable_a_film_and_a_recording(shell_blocks: Blocks) -> None:
+    text = "".join(shell_blocks(DOCS / "tutorials" / "newcomer.md"))
     places = [text.index(command) for command in NEWCOMER]
     assert places == sorted(places)
 
@@ -39,10 +37,10 @@ def test_the_newcomer_gets_a_picture_a_cable_a_film_and_a_recording() -> None:
 @pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
-def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path) -> None:
+def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path, shell_blocks: Blocks) -> None:
     for part in ("examples", "tests", "pyproject.toml"):
         (tmp_path / part).symlink_to(ROOT / part)
-    script = "\n".join(["set -euo pipefail", *blocks(page)])
+    script = "\n".join(["set -euo pipefail", *shell_blocks(page)])
     # A reader's shell is not a test.
     environment = {name: value for name, value in os.environ.items() if "PYTEST" not in name}
     environment["PATH"] = f"{Path(sys.executable).parent}:{environment['PATH']}"

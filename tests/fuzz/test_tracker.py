@@ -68,9 +68,13 @@ class Studio:
         self.theta = self.lay.marker_theta[known]
         info = self.config.calibration()
         self.camera = PinholeCamera.from_info(
-            width=info.width, height=info.height, k=info.k, d=info.d, roi=info.roi,
+            width=info.width,
+            height=info.height,
+            k=info.k,
+            d=info.d,
+            roi=info.roi,
             binning=info.binning,
-        )  # fmt: skip
+        )
 
     def frame(self, t: float, seed: int) -> np.ndarray:
         angle, guide = DRIVE.positions(t)

@@ -44,7 +44,7 @@ def wound(
 
 
 @pytest.mark.parametrize("bend", [2.0e-3, 1.0e-2, 2.0e-2])
-def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend):
+def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend: float) -> None:
     gain, near = 1.0, bend / RADIUS
     rows = wound(6.0, GuideLaw(radius=RADIUS, gain=gain), start=-2.0e-3, bend=bend)
     # E = v - h obeys E'' + 4 k E' + 4 k^2 E = 0 with E' = 0 first, and the error of z follows by
@@ -59,7 +59,7 @@ def test_an_error_dies_out_whatever_the_cable_is_bent_over(bend):
 
 
 @pytest.mark.parametrize("ratio", [0.7, 1.4])
-def test_a_wrong_free_length_leaves_a_steady_error(ratio):
+def test_a_wrong_free_length_leaves_a_steady_error(ratio: float) -> None:
     """On the helix w' = w'/q + 4 k t1 (w' + k e - w'/q), q the ratio of believed to true t1."""
     rows = wound(30.0, GuideLaw(radius=RADIUS, gain=1.0), believed=ratio * LENGTH)
     q = (ratio * LENGTH - BEND) / (LENGTH - BEND)
@@ -69,7 +69,7 @@ def test_a_wrong_free_length_leaves_a_steady_error(ratio):
 
 
 @pytest.mark.parametrize("missing", [1.0e-3, 2.0e-2, 0.2])
-def test_laid_cable_is_never_curved_beyond_what_friction_holds(missing):
+def test_laid_cable_is_never_curved_beyond_what_friction_holds(missing: float) -> None:
     turning = 0.1 * RADIUS
     rows = wound(40.0, GuideLaw(radius=RADIUS, turning=turning), start=-missing)
     curvature = np.diff(rows[:, 2]) / np.diff(rows[:, 0])
@@ -79,12 +79,12 @@ def test_laid_cable_is_never_curved_beyond_what_friction_holds(missing):
 
 
 @pytest.mark.parametrize("missing", [1.0e-3, 2.0e-2, 0.2])
-def test_a_large_error_is_made_up_without_overshoot(missing):
+def test_a_large_error_is_made_up_without_overshoot(missing: float) -> None:
     rows = wound(40.0, GuideLaw(radius=RADIUS, turning=0.1 * RADIUS), start=-missing)
     assert rows[:, 1].min() > -0.02 * missing
 
 
-def test_a_guide_goes_on_as_it_stands_whatever_the_estimate_says():
+def test_a_guide_goes_on_as_it_stands_whatever_the_estimate() -> None:
     """A cable that is believed elsewhere changes the rate, never the place."""
     law = GuideLaw(radius=RADIUS, turning=0.1 * RADIUS)
     lay = LayEstimate(
@@ -101,7 +101,7 @@ def test_a_guide_goes_on_as_it_stands_whatever_the_estimate_says():
     assert law.command(wanted, lay, 0.02, 1.0e-6).position == pytest.approx(0.02, abs=1.0e-7)
 
 
-def test_the_guide_of_a_lay_that_is_right_leads_by_the_lag():
+def test_the_guide_of_a_lay_that_is_right_leads_by_the_lag() -> None:
     rows = wound(5.0, GuideLaw(radius=RADIUS, turning=0.1 * RADIUS))
     assert rows[:, 1] == pytest.approx(0.0, abs=1.0e-9)
     assert rows[:, 3] == pytest.approx(PITCH, rel=1.0e-6)
@@ -112,7 +112,7 @@ PERIOD = 0.02
 
 
 @pytest.mark.parametrize("seed", range(50))
-def test_random_wants_stay_inside_the_bounds(seed):
+def test_random_wants_stay_inside_the_bounds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     motion = BoundedMotion(BOUNDS, rng.uniform(-0.1, 0.4), rng.uniform(-0.02, 0.02))
     for _ in range(300):
@@ -126,7 +126,7 @@ def test_random_wants_stay_inside_the_bounds(seed):
         assert abs(motion.speed - before) <= BOUNDS.acceleration * PERIOD * (1.0 + 1.0e-9)
 
 
-def test_what_can_be_followed_is_followed_exactly():
+def test_what_can_be_followed_is_followed_exactly() -> None:
     motion = BoundedMotion(BOUNDS, 0.0, 0.01)
     for k in range(1, 200):
         motion.follow(0.01 * k * PERIOD, 0.01, PERIOD)
@@ -134,7 +134,7 @@ def test_what_can_be_followed_is_followed_exactly():
         assert not motion.limited
 
 
-def test_a_step_is_made_up_without_overshoot():
+def test_a_step_is_made_up_without_overshoot() -> None:
     motion = BoundedMotion(BOUNDS, 0.0, 0.0)
     positions = []
     for _ in range(100):
@@ -145,7 +145,7 @@ def test_a_step_is_made_up_without_overshoot():
     assert max(positions) <= 0.03 + 0.5 * BOUNDS.acceleration * PERIOD**2
 
 
-def test_setpoint_waits_for_an_axis_that_stands():
+def test_setpoint_waits_for_an_axis_that_stands() -> None:
     motion = BoundedMotion(BOUNDS, 0.0, 0.05)
     for _ in range(200):
         motion.wait_for(0.0, 0.02)
@@ -162,7 +162,7 @@ def test_setpoint_waits_for_an_axis_that_stands():
     assert 0.0 < motion.position - before <= BOUNDS.acceleration * PERIOD**2
 
 
-def test_it_stops_before_the_end_of_the_travel():
+def test_it_stops_before_the_end_of_the_travel() -> None:
     motion = BoundedMotion(BOUNDS, 0.39, 0.08)
     for _ in range(50):
         motion.go(0.08, PERIOD)

@@ -22,7 +22,8 @@ from winding_core.lay.records import ControlMode
 
 CASE = published_case(4, "case")
 LAW = LayOnLaw(
-    CASE, MaterialLaw(law="neo_hookean", young=CASE.material.young, poisson=CASE.material.poisson)
+    CASE,
+    MaterialLaw(law="neo_hookean", young=CASE.material.young, poisson=CASE.material.poisson),
 )
 SLOPE, BUILD_UP = 2.87e-3, 0.255
 STEP = 0.02
@@ -44,7 +45,10 @@ def wound(
 ) -> tuple[StretchFilter, np.ndarray]:
     """Wind under pulls [N], one per step of 0.02 rad; return the filter and landing angles."""
     found = StretchFilter(
-        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
+        LAW,
+        spacing=CASE.marker_spacing,
+        radius=CASE.centreline_radius,
+        config=config,
     )
     theta = STEP * np.arange(1, pulls.size + 1)
     grown = 1.0 - (1.0 - start) * np.exp(-CASE.centreline_radius * (theta - 0.01) / BUILD_UP)
@@ -59,7 +63,7 @@ def wound(
     return found, landing
 
 
-def test_lay_on_agrees_with_the_quasi_static_lay():
+def test_lay_on_agrees_with_the_quasi_static_lay() -> None:
     """Same closed form as `QuasiStaticLay`, for the angle of the markers under the weight."""
     from winding_core.lay.quasi_static import QuasiStaticLay
     from winding_core.machine.tension import DeadWeight
@@ -75,7 +79,7 @@ def test_lay_on_agrees_with_the_quasi_static_lay():
 
 
 @pytest.mark.parametrize(("share", "drag"), [(0.5, 0.0), (0.9, 0.3), (0.72, 0.1)])
-def test_landed_markers_tell_the_tension(share, drag):
+def test_landed_markers_tell_the_tension(share: float, drag: float) -> None:
     config = StretchFilterConfig(start=0.3, sigma_start=0.1, sigma_build_up=1.0e-3)
     pulls = np.full(1500, CASE.weight)
     found, _ = wound(pulls, share=share, drag=drag, start=0.25, config=config)
@@ -86,10 +90,13 @@ def test_landed_markers_tell_the_tension(share, drag):
     )
 
 
-def test_a_missed_marker_makes_the_segment_longer():
+def test_a_missed_marker_makes_the_segment_longer() -> None:
     config = StretchFilterConfig(start=1.0, sigma_start=0.01)
     found = StretchFilter(
-        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
+        LAW,
+        spacing=CASE.marker_spacing,
+        radius=CASE.centreline_radius,
+        config=config,
     )
     theta = STEP * np.arange(1, 900)
     laid = np.cumsum(np.full(theta.size, float(LAW.density(0.8 * CASE.weight, SLOPE)) * STEP))
@@ -104,10 +111,14 @@ def test_a_missed_marker_makes_the_segment_longer():
     )
 
 
-def test_one_wrong_marker_does_not_carry_the_estimate_away():
+def test_one_wrong_marker_does_not_carry_the_estimate_away() -> None:
     config = StretchFilterConfig(start=1.0, sigma_start=0.01)
     found, landing = wound(
-        np.full(1000, CASE.weight), share=0.7, drag=0.15, start=1.0, config=config
+        np.full(1000, CASE.weight),
+        share=0.7,
+        drag=0.15,
+        start=1.0,
+        config=config,
     )
     before = found.estimate.share
     for angle in np.arange(landing[3], landing[3] + 4.0, STEP):
@@ -166,14 +177,14 @@ def reachable(scale: float) -> dict[int, float]:
 
 
 @pytest.mark.parametrize("scale", [0.5, 0.8, 1.2])
-def test_markers_land_where_they_are_wanted(scale):
+def test_markers_land_where_they_are_wanted(scale: float) -> None:
     markers = reachable(scale)
     _, _, landed = wound_by_law(markers)
     # A hundredth of what 1 % of a turn allows, five steps of 0.02 rad at 1 % of stretch each.
     assert landed == pytest.approx(list(markers.values()), abs=6.0e-3)
 
 
-def test_unevenly_wanted_markers_are_reached_too():
+def test_unevenly_wanted_markers_are_reached_too() -> None:
     low, high = reachable(0.7), reachable(1.1)
     between = high[2] - low[2]
     markers = {1: low[1], 2: low[2] + 0.3 * between, 3: low[3] + 0.5 * between}
@@ -181,7 +192,7 @@ def test_unevenly_wanted_markers_are_reached_too():
     assert landed == pytest.approx(list(markers.values()), abs=0.02)
 
 
-def test_the_pull_never_changes_faster_than_friction_holds():
+def test_the_pull_never_changes_faster_than_friction_holds() -> None:
     markers = reachable(0.6) | {2: 1.03 * reachable(0.6)[2]}
     theta, pulls, _ = wound_by_law(markers)
     wound_on = theta > 0.22
@@ -191,13 +202,13 @@ def test_the_pull_never_changes_faster_than_friction_holds():
     assert pulls.max() <= BOUNDS.high
 
 
-def test_what_is_out_of_reach_is_missed_by_as_little_as_can_be():
+def test_what_is_out_of_reach_is_missed_by_as_little_as_can_be() -> None:
     markers = {k: 2.0 * math.pi * 1.6 * k for k in range(1, 5)}
     _, pulls, _ = wound_by_law(markers)
     assert pulls[20:500] == pytest.approx(BOUNDS.high)
 
 
-def test_bounds_that_are_none_are_refused():
+def test_bounds_that_are_none_are_refused() -> None:
     with pytest.raises(ValueError, match="largest pull must exceed the smallest"):
         PullBounds(low=2.0, high=1.0, per_radian=0.1)
 
@@ -232,28 +243,28 @@ def expected(case: int, **changed: float) -> tuple[ExpectedLanding, ...]:
 
 
 @pytest.mark.slow
-def test_markers_within_reach_are_expected_at_their_places():
+def test_markers_within_reach_are_expected_at_their_places() -> None:
     for item in expected(4):
         # Steps of 0.05 rad, and half of the angle that a change of the pull is worth.
         assert item.expected == pytest.approx(item.wanted, abs=0.01)
 
 
 @pytest.mark.slow
-def test_what_has_landed_is_learnt_from():
+def test_what_has_landed_is_learnt_from() -> None:
     sigmas = [item.sigma for item in expected(4)]
     # What a brake's own friction makes of it is unobservable, half of P1's deviation here.
     assert max(sigmas[1:]) < 0.7 * sigmas[0]
 
 
 @pytest.mark.slow
-def test_a_softer_cable_is_known_less_well():
+def test_a_softer_cable_is_known_less_well() -> None:
     # Cases 1 and 2 differ in the weight: twice the stretch, twice the doubt of it and more.
     stiff, soft = expected(1), expected(2)
     assert soft[0].sigma > 1.5 * stiff[0].sigma
 
 
 @pytest.mark.slow
-def test_a_pull_at_its_bounds_is_foreseen():
+def test_a_pull_at_its_bounds_is_foreseen() -> None:
     # Where P1 of a soft cable is far off, P2 cannot be brought back within one turn: what a
     # derivative makes of small deviations is too little.
     item = expected(2)[1]
@@ -261,7 +272,7 @@ def test_a_pull_at_its_bounds_is_foreseen():
 
 
 @pytest.mark.slow
-def test_a_known_rig_is_known_before():
+def test_a_known_rig_is_known_before() -> None:
     names = ("load_share_sigma", "drag_sigma", "start_share_sigma", "build_up_length_sigma")
     for item in expected(4, **dict.fromkeys(names, 1.0e-3)):
         # A brake's own friction is left: 4 % of a tension that stretches by 8.5 %.
@@ -269,7 +280,7 @@ def test_a_known_rig_is_known_before():
 
 
 @pytest.mark.slow
-def test_what_is_beyond_the_pull_is_expected_to_miss():
+def test_what_is_beyond_the_pull_is_expected_to_miss() -> None:
     control, what = ControlParameters(), resolved(4)
     wanted = {n: 1.15 * angle for n, angle in within_reach(control, what).items()}
     found = expected_landings(control, what, HELIX, wanted)
@@ -278,5 +289,5 @@ def test_what_is_beyond_the_pull_is_expected_to_miss():
         assert item.expected < item.wanted - 0.02 * TURN
 
 
-def test_nothing_is_expected_where_nothing_is_wanted():
+def test_nothing_is_expected_where_nothing_is_wanted() -> None:
     assert expected_landings(ControlParameters(), resolved(4), HELIX, {}) == ()

@@ -106,13 +106,13 @@ def winding(length: float, duration: float, control: LayController | None = None
 
 
 @pytest.mark.parametrize("length", [0.16, 0.198, 0.23])
-def test_the_cable_lands_on_the_helix_whatever_the_free_length(length):
+def test_the_cable_lands_on_the_helix_whatever_the_free_length(length: float) -> None:
     machine = winding(length, 6.0)
     # Two of the 0.03 mm that heights are known by.
     assert abs(machine.error()) < 6.0e-5
 
 
-def test_without_a_tracker_it_goes_on_by_what_it_knows():
+def test_without_a_tracker_it_goes_on_by_what_it_knows() -> None:
     machine = winding(0.17, 6.0)
     before = len(machine.setpoints)
     machine.wind(8.0, seen=False)
@@ -123,7 +123,7 @@ def test_without_a_tracker_it_goes_on_by_what_it_knows():
     assert abs(machine.error()) < 1.0e-3
 
 
-def test_without_a_solver_the_guide_follows_the_drive_programme():
+def test_without_a_solver_the_guide_follows_the_drive_programme() -> None:
     machine = winding(0.17, 6.0, controller(patience=1.0))
     before = len(machine.setpoints)
     machine.wind(4.0, solved=False)
@@ -134,7 +134,7 @@ def test_without_a_solver_the_guide_follows_the_drive_programme():
     assert np.abs(steps).max() < FEED * PERIOD + 1.0e-4
 
 
-def test_taking_over_in_mid_run_makes_no_step():
+def test_taking_over_in_mid_run_makes_no_step() -> None:
     control = controller()
     control.mode = ControlMode.WATCH
     machine = Machine(control, 0.17)
@@ -149,7 +149,7 @@ def test_taking_over_in_mid_run_makes_no_step():
     assert abs(machine.error()) < 1.0e-4
 
 
-def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it():
+def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it() -> None:
     machine = winding(0.198, 6.0)
     stood = machine.guide
     for _ in range(400):
@@ -162,7 +162,7 @@ def test_setpoint_waits_for_a_carriage_that_stands_and_goes_on_with_it():
     assert abs(machine.error()) < 1.0e-4
 
 
-def test_no_pull_is_commanded_without_a_brake():
+def test_no_pull_is_commanded_without_a_brake() -> None:
     machine = winding(0.198, 1.0)
     assert machine.setpoints
     assert all(s.pull is None for s in machine.setpoints)
@@ -186,7 +186,7 @@ def filtered(length: float, *, delay: float, sigma: float, until: float) -> LayF
     return lay
 
 
-def test_without_a_measurement_it_is_the_law_of_the_lag():
+def test_without_a_measurement_it_is_the_law_of_the_lag() -> None:
     lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED))
     law = FleetAngleLaw(advance_per_radian=RISE, free_length=BELIEVED, radius=RHO)
     for theta in np.arange(0.0, 20.0, 0.01):
@@ -197,7 +197,7 @@ def test_without_a_measurement_it_is_the_law_of_the_lag():
 
 
 @pytest.mark.parametrize("bend", [0.002, 0.01, 0.02])
-def test_a_bent_span_is_two_lags_in_a_row(bend):
+def test_a_bent_span_is_two_lags_in_a_row(bend: float) -> None:
     """A lag of L - l and one of l under an even feed, against the sum of their exponentials."""
     lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED))
     for theta in np.arange(0.01, 8.0, 0.01):
@@ -217,7 +217,7 @@ def test_a_bent_span_is_two_lags_in_a_row(bend):
 
 
 @pytest.mark.parametrize("length", [0.16, 0.198, 0.23])
-def test_heights_tell_the_free_length(length):
+def test_heights_tell_the_free_length(length: float) -> None:
     lay = filtered(length, delay=0.3, sigma=5.0e-5, until=12.0)
     now = lay.estimate()
     assert abs(now.free_length - length) < 3.0 * now.sigma_length
@@ -225,14 +225,14 @@ def test_heights_tell_the_free_length(length):
 
 
 @pytest.mark.parametrize("delay", [0.1, 1.0, 3.0])
-def test_delayed_heights_say_where_the_cable_lands_now(delay):
+def test_delayed_heights_give_where_the_cable_lands_now(delay: float) -> None:
     law = FleetAngleLaw(advance_per_radian=RISE, free_length=0.17, radius=RHO)
     now = filtered(0.17, delay=delay, sigma=5.0e-5, until=15.0).estimate()
     assert abs(now.z - float(law.z(now.theta))) < 3.0 * now.sigma_z
     assert now.sigma_z < 3.0e-4
 
 
-def test_a_standing_or_backward_cylinder_lays_nothing():
+def test_a_standing_or_backward_cylinder_lays_nothing() -> None:
     lay = filtered(0.198, delay=0.2, sigma=5.0e-5, until=6.0)
     before = lay.estimate()
     for guide in np.linspace(0.0, 0.1, 20):
@@ -242,7 +242,7 @@ def test_a_standing_or_backward_cylinder_lays_nothing():
     assert (after.z, after.free_length) == (before.z, before.free_length)
 
 
-def test_a_height_that_was_measured_already_says_nothing_again():
+def test_a_height_that_was_measured_already_is_not_used_again() -> None:
     lay = filtered(0.198, delay=0.2, sigma=5.0e-5, until=6.0)
     before = lay.estimate()
     assert lay.measure(lay.measured_to, 1.0, 1.0e-4) is None
@@ -252,7 +252,7 @@ def test_a_height_that_was_measured_already_says_nothing_again():
 
 
 @pytest.mark.slow
-def test_deviations_are_honest():
+def test_deviations_are_honest() -> None:
     """Squared errors over their variances have a mean of one: 60 random spans and eyes."""
     rng = np.random.default_rng(11)
     scores = []
@@ -277,7 +277,7 @@ def test_deviations_are_honest():
     assert 0.4 < np.mean(scores) < 1.35
 
 
-def test_the_height_of_another_turn_is_refused():
+def test_the_height_of_another_turn_is_refused() -> None:
     lay = filtered(BELIEVED, delay=0.3, sigma=5.0e-5, until=12.0)
     before = lay.estimate()
     place = lay.measured_to + 0.05
@@ -286,7 +286,7 @@ def test_the_height_of_another_turn_is_refused():
     assert lay.estimate().free_length == pytest.approx(before.free_length, abs=1.0e-9)
 
 
-def test_heights_that_keep_coming_are_believed_after_half_a_turn():
+def test_heights_that_keep_coming_are_believed_after_half_a_turn() -> None:
     """The cable is moved by 20 mm: the estimate was wrong, not the camera."""
     lay = filtered(BELIEVED, delay=0.3, sigma=5.0e-5, until=12.0)
     law = FleetAngleLaw(advance_per_radian=RISE, free_length=BELIEVED, radius=RHO)
@@ -405,12 +405,13 @@ def check(seed: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
-def test_commands_stay_within_bounds_whatever_is_wanted_and_whatever_fails(seed):
+def test_commands_stay_within_bounds_whatever_is_wanted_and_whatever_fails(seed: int) -> None:
     check(seed)
 
 
 @pytest.mark.campaign
-@pytest.mark.timeout(3000)
-def test_a_thousand_programs_and_faults_stay_within_bounds():
-    for seed in range(100, 1100):
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("first", range(100, 1100, 50))
+def test_a_thousand_programs_and_faults_stay_within_bounds(first: int) -> None:
+    for seed in range(first, first + 50):
         check(seed)

@@ -1,7 +1,6 @@
 """Plans: the lay comes to lie on its program, within every limit, or the plan states why not."""
 
 import csv
-import dataclasses
 import io
 import math
 from dataclasses import replace
@@ -35,8 +34,6 @@ LIMITS = PlanLimits(
     brake=(0.1, 20.0),
     brake_time=0.2,
 )
-
-
 WHAT = Condition(case=4).resolved()
 
 
@@ -64,7 +61,9 @@ KINDS = {
 
 @pytest.mark.parametrize("together", [False, True], ids=["guide first", "together"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_program_is_laid_to_a_twentieth_of_what_it_would_miss_by(kind, together):
+def test_every_kind_of_program_is_laid_to_a_twentieth_of_what_it_would_miss_by(
+    kind: str, together: bool
+) -> None:
     plan = plan_lay(KINDS[kind], WHAT, LIMITS, together=together)
     planned, uncompensated = plan.rms()
     # The bar of the issue.
@@ -99,16 +98,25 @@ def refuse_broken_limits(plan: LayPlan) -> None:
     jerk=st.floats(0.5, 50.0),
 )
 def test_the_table_keeps_every_limit_whatever_is_wanted(
-    pieces, downwards, together, residual, omega, jerk
-):
+    pieces: list[tuple[float, float]],
+    downwards: bool,
+    together: bool,
+    residual: float | None,
+    omega: float,
+    jerk: float,
+) -> None:
     steps = np.array(pieces)
     theta = TURN * np.concatenate([[0.0], np.cumsum(steps[:, 0])])
     z = 1.0e-3 * np.concatenate([[0.0], np.cumsum(steps[:, 0] * steps[:, 1])])
     # Downwards the travel ends soon.
     scale = -0.09 / z[-1] if downwards else 1.0
-    limits = dataclasses.replace(LIMITS, carriage_jerk=jerk)
+    limits = replace(LIMITS, carriage_jerk=jerk)
     what = Condition(
-        case=0, cylinder_diameter=0.04, cable_diameter=1.0e-4, weight=0.01, angular_speed=omega
+        case=0,
+        cylinder_diameter=0.04,
+        cable_diameter=1.0e-4,
+        weight=0.01,
+        angular_speed=omega,
     ).resolved()
     plan = plan_lay(
         LayProgram(theta=theta, z=scale * z),
@@ -120,7 +128,7 @@ def test_the_table_keeps_every_limit_whatever_is_wanted(
     refuse_broken_limits(plan)
 
 
-def test_a_residual_limit_is_kept_by_slowing():
+def test_a_residual_limit_is_kept_by_slowing() -> None:
     free = plan_lay(KINDS["reversal"], WHAT, LIMITS)
     held = plan_lay(KINDS["reversal"], WHAT, LIMITS, residual_limit=3.0e-4)
     assert free.worst[0] > 1.0e-3
@@ -130,8 +138,8 @@ def test_a_residual_limit_is_kept_by_slowing():
     refuse_broken_limits(held)
 
 
-def test_a_corner_says_by_how_much_it_is_rounded_and_why():
-    what = dataclasses.replace(WHAT, friction=1.0)
+def test_a_corner_reports_by_how_much_it_is_rounded_and_why() -> None:
+    what = replace(WHAT, friction=1.0)
     plan = plan_lay(KINDS["reversal"], what, LIMITS)
     first = plan.corners[0]
     off = np.interp(first.theta, plan.theta, plan.residual)
@@ -140,30 +148,30 @@ def test_a_corner_says_by_how_much_it_is_rounded_and_why():
     sentence = plan.sentences[0]
     assert f"turn {first.theta / TURN:.2f} is rounded by {-1e3 * first.rounding:.2g} mm" in sentence
     assert "80 mm/s" in sentence
-    slow = dataclasses.replace(what, drive=dataclasses.replace(what.drive, angular_speed=0.87))
+    slow = replace(what, drive=replace(what.drive, angular_speed=0.87))
     half = plan_lay(KINDS["reversal"], slow, LIMITS)
     assert half.corners[0].rounding == pytest.approx(first.rounding_at_half_speed, rel=0.01)
 
 
-def test_a_corner_is_rounded_until_friction_holds_it():
-    rough = plan_lay(KINDS["reversal"], dataclasses.replace(WHAT, friction=1.0), LIMITS)
+def test_a_corner_is_rounded_until_friction_holds_it() -> None:
+    rough = plan_lay(KINDS["reversal"], replace(WHAT, friction=1.0), LIMITS)
     plan = plan_lay(KINDS["reversal"], WHAT, LIMITS)
     assert plan.width > rough.width
     assert f"friction {Condition.friction:g} holds no sharper turn" in plan.sentences[0]
-    sharp = plan_lay(KINDS["reversal"], dataclasses.replace(WHAT, friction=0.02), LIMITS)
+    sharp = plan_lay(KINDS["reversal"], replace(WHAT, friction=0.02), LIMITS)
     assert "the cable slips: it needs a friction of" in " ".join(sharp.sentences)
 
 
-def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_says_so():
+def test_a_pitch_beyond_the_carriage_slows_the_cylinder_and_is_reported() -> None:
     steep = LayProgram(theta=np.array([0.0, 3.0 * TURN]), z=np.array([0.0, 0.9]))
-    plan = plan_lay(steep, WHAT, dataclasses.replace(LIMITS, travel=(-0.1, 2.0)))
+    plan = plan_lay(steep, WHAT, replace(LIMITS, travel=(-0.1, 2.0)))
     assert plan.speed < WHAT.drive.angular_speed
     assert "a pitch of 300 mm would need 83.08 mm/s" in plan.sentences[0]
     refuse_broken_limits(plan)
 
 
-def test_a_lead_beyond_the_travel_is_told_with_its_place():
-    plan = plan_lay(even_helix(0.018, 5.0), WHAT, dataclasses.replace(LIMITS, travel=(-0.1, 0.1)))
+def test_a_lead_beyond_the_travel_is_reported_with_its_place() -> None:
+    plan = plan_lay(even_helix(0.018, 5.0), WHAT, replace(LIMITS, travel=(-0.1, 0.1)))
     assert "the guide would have to go to 123.4 mm at 5 turns" in plan.sentences[0]
     assert "its travel ends at 100 mm" in plan.sentences[0]
     assert plan.worst[0] > 1.0e-4
@@ -171,7 +179,7 @@ def test_a_lead_beyond_the_travel_is_told_with_its_place():
 
 
 @pytest.mark.parametrize("case", [1, 4, 9, 12])
-def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot(case):
+def test_the_brake_lands_markers_on_whole_turns_or_the_plan_names_the_others(case: int) -> None:
     what = Condition(case=case).resolved()
     program = with_markers_every_turn(even_helix(what.drive.pitch, 5.0), 4)
     plan = plan_lay(program, what, LIMITS)
@@ -184,36 +192,38 @@ def test_the_brake_lands_markers_on_whole_turns_or_the_plan_says_which_it_cannot
         assert missed == (f"marker {item.number} is wanted" in text)
 
 
-def test_more_pull_lands_a_marker_later():
+def test_more_pull_lands_a_marker_later() -> None:
     helix = even_helix(WHAT.drive.pitch, 6.0)
     landed = []
     for angle in (0.97, 1.0, 1.05):
-        program = dataclasses.replace(helix, markers={1: angle * TURN})
+        program = replace(helix, markers={1: angle * TURN})
         plan = plan_lay(program, WHAT, LIMITS)
         assert plan.landings[0].predicted == pytest.approx(angle * TURN, abs=1e-5 * TURN)
         landed.append(plan.landings[0].pull)
     assert landed == sorted(landed)
 
 
-def test_without_a_brake_the_weight_pulls_and_the_plan_says_so():
-    program = dataclasses.replace(
-        even_helix(WHAT.drive.pitch, 5.0), markers={1: 1.05 * TURN}, tension=np.array([1.0, 1.0])
+def test_without_a_brake_the_weight_pulls_and_the_plan_reports_it() -> None:
+    program = replace(
+        even_helix(WHAT.drive.pitch, 5.0),
+        markers={1: 1.05 * TURN},
+        tension=np.array([1.0, 1.0]),
     )
-    plan = plan_lay(program, WHAT, dataclasses.replace(LIMITS, brake=None))
+    plan = plan_lay(program, WHAT, replace(LIMITS, brake=None))
     assert (plan.pulls.commanded == WHAT.case.weight).all()
     text = " ".join(plan.sentences)
     assert "needs a brake" in text
     assert "a dead weight cannot choose the stretch" in text
 
 
-def test_a_record_is_plain():
+def test_a_record_is_plain() -> None:
     record = plan_record(plan_lay(KINDS["dwell"], WHAT, LIMITS))
     assert [round(item["theta_rad"] / TURN, 2) for item in record["turns"]] == [1, 2, 3, 4, 4.5]
     assert record["residual_rms_m"] < record["uncompensated_rms_m"]
     assert len(record["markers"]) == WHAT.case.marker_count
 
 
-def test_a_marker_that_is_not_on_the_cable_is_refused():
+def test_a_marker_that_is_not_on_the_cable_is_refused() -> None:
     program = with_markers_every_turn(even_helix(WHAT.drive.pitch, 6.0))
     with pytest.raises(LayProgramError, match="wants marker 6 to land, the cable has 4"):
         plan_lay(program, WHAT, LIMITS)
@@ -222,11 +232,12 @@ def test_a_marker_that_is_not_on_the_cable_is_refused():
 LAG = 9.0
 LAW = FleetAngleLaw(advance_per_radian=2.9e-3, free_length=LAG * 0.02, radius=0.02)
 TWO_PITCHES = LayProgram(
-    theta=TURN * np.array([0.0, 2.0, 4.0, 5.0]), z=np.array([0.0, 0.036, 0.048, 0.03])
+    theta=TURN * np.array([0.0, 2.0, 4.0, 5.0]),
+    z=np.array([0.0, 0.036, 0.048, 0.03]),
 )
 
 
-def test_a_guide_in_step_is_followed_as_the_fleet_angle_law_says():
+def test_a_guide_in_step_is_followed_by_the_fleet_angle_law() -> None:
     theta = np.sort(np.random.default_rng(1).uniform(0.0, 60.0, 500))
     theta[0] = 0.0
     laid = lay_of(theta, LAW.advance_per_radian * theta, LAG)
@@ -234,30 +245,31 @@ def test_a_guide_in_step_is_followed_as_the_fleet_angle_law_says():
     assert laid == pytest.approx(LAW.z(theta), abs=1e-14)
 
 
-def test_what_is_missing_at_the_start_decays_with_the_lag():
+def test_what_is_missing_at_the_start_decays_with_the_lag() -> None:
     theta = np.linspace(0.0, 60.0, 700)
     guide = LAW.advance_per_radian * (theta + LAG)
     off = lay_of(theta, guide, LAG, start=5.0e-3) - LAW.advance_per_radian * theta
     assert off == pytest.approx(5.0e-3 * np.exp(-theta / LAG), abs=1e-14)
 
 
-def test_lay_behind_a_program_s_guide_is_the_rounded_program():
+def test_lay_behind_a_program_s_guide_is_the_rounded_program() -> None:
     theta = np.linspace(0.0, TWO_PITCHES.end, 40_001)
-    path, wanted = guide_path(TWO_PITCHES, LAG, 0.4), smoothed_program(TWO_PITCHES, 0.4)
+    path = guide_path(TWO_PITCHES, LAG, 0.4)
+    wanted = smoothed_program(TWO_PITCHES, 0.4)
     laid = lay_of(theta, path.at(theta), LAG)
     # Between samples the guide goes straight, off by g'' d^2 / 8 with g'' = 0.6 m/rad^2.
     step = theta[1]
     assert laid == pytest.approx(wanted.at(theta), abs=0.6 * step**2 / 8.0)
 
 
-def test_a_helix_stays_where_it_is():
+def test_a_helix_stays_where_it_is() -> None:
     helix = LayProgram(theta=np.array([0.0, 3.0, 20.0]), z=0.003 * np.array([0.0, 3.0, 20.0]))
     theta = np.linspace(-1.0, 25.0, 100)
     assert smoothed_program(helix, 2.0).at(theta) == pytest.approx(0.003 * theta, abs=1e-16)
 
 
 @pytest.mark.parametrize("width", [0.1, 0.5, 1.5])
-def test_a_corner_is_rounded_by_seven_thirtieths_of_slope_change_and_width(width):
+def test_a_corner_is_rounded_by_seven_thirtieths_of_slope_change_and_width(width: float) -> None:
     line = smoothed_program(TWO_PITCHES, width)
     expected = PEAK * width * line.bends
     assert line.rounded_by() == pytest.approx(expected, rel=1e-12)
@@ -265,7 +277,7 @@ def test_a_corner_is_rounded_by_seven_thirtieths_of_slope_change_and_width(width
 
 
 @pytest.mark.parametrize("order", [0, 1, 2])
-def test_each_derivative_is_the_slope_of_the_one_before(order):
+def test_each_derivative_is_the_slope_of_the_one_before(order: int) -> None:
     path = guide_path(TWO_PITCHES, LAG, 0.5)
     theta = np.linspace(-3.0, 40.0, 2001)
     d = 1.0e-5
@@ -276,7 +288,7 @@ def test_each_derivative_is_the_slope_of_the_one_before(order):
     assert slope == pytest.approx(path.at(theta, order + 1), abs=1e-4 * largest)
 
 
-def test_an_end_of_travel_holds_the_guide_and_leaves_it_free_inside():
+def test_an_end_of_travel_holds_the_guide_and_leaves_it_free_inside() -> None:
     path = guide_path(TWO_PITCHES, LAG, 0.3)
     held = within(path, -0.01, 0.05)
     theta = np.linspace(0.0, TWO_PITCHES.end, 3000)
@@ -289,10 +301,15 @@ def test_an_end_of_travel_holds_the_guide_and_leaves_it_free_inside():
     assert held.at(theta[free]) == pytest.approx(path.at(theta[free]), abs=1e-12)
 
 
-def test_corners_that_run_into_each_other_add_up():
+def test_corners_that_run_into_each_other_add_up() -> None:
     line = smoothed_program(TWO_PITCHES, 3.0)
     alone = [
-        replace(line, theta=line.theta[k : k + 1], bends=line.bends[k : k + 1], steps=np.zeros(1))
+        replace(
+            line,
+            theta=line.theta[k : k + 1],
+            bends=line.bends[k : k + 1],
+            steps=np.zeros(1),
+        )
         for k in range(line.theta.size)
     ]
     theta = np.linspace(0.0, TWO_PITCHES.end, 500)

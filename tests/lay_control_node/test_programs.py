@@ -33,7 +33,7 @@ def written(folder: Path, name: str, text: str) -> LayProgram:
 @pytest.mark.parametrize(
     ("column", "scale"), [("turns", 1.0), ("theta_rad", TURN), ("theta_deg", 360.0)]
 )
-def test_angles_are_read_in_every_unit(tmp_path, column, scale):
+def test_angles_are_read_in_every_unit(tmp_path: Path, column: str, scale: float) -> None:
     rows = "\n".join(f"{scale * n!r},{18.0 * n!r}" for n in range(4))
     program = written(tmp_path, "a.csv", f"{column},z_mm\n{rows}\n")
     # Two roundings of a double.
@@ -42,14 +42,14 @@ def test_angles_are_read_in_every_unit(tmp_path, column, scale):
     assert np.isnan(program.tension).all()
 
 
-def test_length_of_cable_becomes_angle_on_the_helix(tmp_path):
+def test_length_of_cable_becomes_angle_on_the_helix(tmp_path: Path) -> None:
     turn = math.hypot(TURN * RADIUS, 0.018)
     program = written(tmp_path, "a.csv", f"length_m,z_m\n0,0\n{turn!r},0.018\n{3 * turn!r},0.054\n")
     # hypot and the root beside it round a few times.
     assert program.theta == pytest.approx([0.0, TURN, 3.0 * TURN], rel=1e-14)
 
 
-def test_a_table_carries_pull_and_markers(tmp_path):
+def test_a_table_carries_pull_and_markers(tmp_path: Path) -> None:
     text = "# wanted\nturns,z_mm,tension_n,marker\n0,0,1.5,\n1,18,,P1\n\n2,36,2,2\n"
     program = written(tmp_path, "a.csv", text)
     assert program.markers == {1: TURN, 2: 2.0 * TURN}
@@ -59,7 +59,7 @@ def test_a_table_carries_pull_and_markers(tmp_path):
 
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.tuples(st.floats(1e-3, 20.0), st.floats(-50.0, 50.0)), min_size=1, max_size=20))
-def test_a_table_of_a_program_is_that_program(steps):
+def test_a_table_of_a_program_is_that_program(steps: list[tuple[float, float]]) -> None:
     theta = np.concatenate([[0.0], np.cumsum([step for step, _ in steps])])
     z_mm = np.array([0.0, *(z for _, z in steps)])
     rows = "".join(f"{a!r},{b!r}\n" for a, b in zip(theta.tolist(), z_mm.tolist(), strict=True))
@@ -68,7 +68,7 @@ def test_a_table_of_a_program_is_that_program(steps):
     assert program.z.tolist() == (1.0e-3 * z_mm).tolist()
 
 
-def test_segments_follow_each_other(tmp_path):
+def test_segments_follow_each_other(tmp_path: Path) -> None:
     text = """
 name: two pitches and a rest
 tension_n: 1.2
@@ -87,14 +87,14 @@ markers: every_turn
     assert program.markers == pytest.approx({1: TURN, 2: 2 * TURN, 3: 3 * TURN})
 
 
-def test_turns_between_flanges_turn_back_at_each(tmp_path):
+def test_turns_between_flanges_turn_back_at_each(tmp_path: Path) -> None:
     text = "segments: [{reverse_at: {z_mm: [0, 45], pitch_mm: 18, turns: 6}}]"
     program = written(tmp_path, "a.yaml", text)
     assert program.theta == pytest.approx(TURN * np.array([0.0, 2.5, 5.0, 6.0]))
     assert program.z == pytest.approx([0.0, 0.045, 0.0, 0.018])
 
 
-def test_a_swinging_pitch_is_the_integral_of_its_cosine(tmp_path):
+def test_a_swinging_pitch_is_the_integral_of_its_cosine(tmp_path: Path) -> None:
     text = "segments: [{cosine: {mean_pitch_mm: 18, amplitude_mm: 5, period_turns: 2, turns: 4}}]"
     program = written(tmp_path, "a.yaml", text)
     u = np.linspace(0.0, 4.0, 333)
@@ -103,7 +103,7 @@ def test_a_swinging_pitch_is_the_integral_of_its_cosine(tmp_path):
     assert program.z_at(TURN * u) == pytest.approx(0.018 * u + wave, abs=1.6e-4 * 5.0e-3 * 2 / TURN)
 
 
-def test_points_come_before_segments(tmp_path):
+def test_points_come_before_segments(tmp_path: Path) -> None:
     text = """
 points: [{turns: 0, z_mm: 0}, {turns: 1, z_mm: 12, marker: 1}]
 segments: [{helix: {pitch_mm: 18, turns: 1}}]
@@ -125,7 +125,7 @@ X-1 A-1
 """
 
 
-def test_gcode_of_a_cylinder_is_read(tmp_path):
+def test_gcode_of_a_cylinder_is_read(tmp_path: Path) -> None:
     text = CYLINDER.replace("{x1}", "104").replace("{a1}", "1080")
     text = text.replace("{x2}", "50").replace("{a2}", "2160")
     program = written(tmp_path, "a.gcode", text)
@@ -137,20 +137,20 @@ def test_gcode_of_a_cylinder_is_read(tmp_path):
     assert "X 50 mm" in remarks
 
 
-def test_gcode_may_be_relative_in_inches_and_descend(tmp_path):
+def test_gcode_may_be_relative_in_inches_and_descend(tmp_path: Path) -> None:
     text = "G20 G91\nG1 X1 A-360\nX1A-360.0\nG90 G92 A0 X0\nG1 X-1 A-180\n"
     program = written(tmp_path, "a.nc", text)
     assert program.theta == pytest.approx(TURN * np.array([0.0, 1.0, 2.0, 2.5]))
     assert program.z == pytest.approx(25.4e-3 * np.array([0.0, 1.0, 2.0, 1.0]))
 
 
-def test_markers_on_every_turn_end_with_the_program_or_the_cable():
+def test_markers_on_every_turn_end_with_the_program_or_the_cable() -> None:
     helix = even_helix(0.018, 4.5)
     assert sorted(with_markers_every_turn(helix).markers) == [1, 2, 3, 4]
     assert sorted(with_markers_every_turn(helix, 2).markers) == [1, 2]
 
 
-def test_turns_of_opposite_direction_cross_once_each_half_turn():
+def test_turns_of_opposite_direction_cross_once_each_half_turn() -> None:
     program = LayProgram(theta=TURN * np.array([0.0, 2.0, 4.0]), z=np.array([0.0, 0.036, 0.0]))
     # Up and down at one pitch meet symmetrically about the reversal, at whole half turns.
     met = [round((item.theta + item.below) / TURN, 9) for item in crossings(program)]
@@ -238,7 +238,9 @@ REFUSED = {
     ("name", "text", "sentence"),
     [(name, text, sentence) for name, items in REFUSED.items() for text, sentence in items],
 )
-def test_a_program_that_says_nothing_usable_is_refused(tmp_path, name, text, sentence):
+def test_an_unusable_program_is_refused_in_one_sentence(
+    tmp_path: Path, name: str, text: str, sentence: str
+) -> None:
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     with pytest.raises(LayProgramError, match=sentence.replace("[", r"\[")) as caught:
@@ -246,7 +248,7 @@ def test_a_program_that_says_nothing_usable_is_refused(tmp_path, name, text, sen
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_is_none_is_refused(tmp_path):
+def test_a_file_that_is_none_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LayProgramError, match=r"cannot read .*missing.csv"):
         read_program(tmp_path / "missing.csv", radius=RADIUS)
     (tmp_path / "folder.csv").mkdir()
@@ -262,13 +264,13 @@ def test_a_file_that_is_none_is_refused(tmp_path):
         read_program(coded, radius=RADIUS)
 
 
-def test_neighbours_closer_than_the_cable_are_refused():
+def test_neighbours_closer_than_the_cable_are_refused() -> None:
     refuse_overlap(even_helix(DIAMETER, 5.0), DIAMETER)
     with pytest.raises(LayProgramError, match=r"2\.9 mm beside .* diameter of 3 mm"):
         refuse_overlap(even_helix(-2.9e-3, 5.0), DIAMETER)
 
 
-def test_a_rest_is_refused_where_it_lays_the_cable_on_itself():
+def test_a_rest_is_refused_where_it_lays_the_cable_on_itself() -> None:
     def resting(turns: float) -> LayProgram:
         theta = TURN * np.array([0.0, 2.0, 2.0 + turns, 4.0 + turns])
         return LayProgram(theta=theta, z=np.array([0.0, 0.036, 0.036, 0.072]))
@@ -279,7 +281,7 @@ def test_a_rest_is_refused_where_it_lays_the_cable_on_itself():
         refuse_overlap(resting(0.9), DIAMETER)
 
 
-def test_a_second_layer_may_cross_the_first_and_not_lie_along_it():
+def test_a_second_layer_may_cross_the_first_and_not_lie_along_it() -> None:
     def layers(turns: float) -> LayProgram:
         theta = TURN * turns * np.arange(4.0)
         return LayProgram(theta=theta, z=0.018 * turns * np.array([0.0, 1.0, 0.0, 1.0]))
@@ -290,13 +292,13 @@ def test_a_second_layer_may_cross_the_first_and_not_lie_along_it():
         refuse_overlap(layers(2.0), DIAMETER)
 
 
-def test_a_program_beyond_the_travel_is_refused():
+def test_a_program_beyond_the_travel_is_refused() -> None:
     refuse_beyond(even_helix(0.018, 5.0), -0.1, 0.09)
     with pytest.raises(LayProgramError, match=r"90 mm after 5 turns, .* from -100 to 80 mm"):
         refuse_beyond(even_helix(0.018, 5.0), -0.1, 0.08)
 
 
-def test_a_helix_of_no_turns_is_refused():
+def test_a_helix_of_no_turns_is_refused() -> None:
     for turns in (0.0, -1.0, math.nan, math.inf):
         with pytest.raises(LayProgramError, match="turns must lie above 0"):
             even_helix(0.018, turns)

@@ -98,7 +98,7 @@ def test_bringup_holds_no_logic() -> None:
     assert roots(folder / "__init__.py") == set()
 
 
-def test_names_say_something() -> None:
+def test_no_file_has_a_meaningless_name() -> None:
     nothing = [
         place(path)
         for path in FILES

@@ -162,7 +162,7 @@ def test_every_number_has_a_unit_or_a_shape() -> None:
     assert missing == []
 
 
-def test_two_numbers_are_told_apart() -> None:
+def test_functions_of_two_numbers_state_units_or_shapes() -> None:
     """A function of two numbers or more states a unit or a shape; commands have them in names."""
     missing = [
         name
@@ -195,7 +195,7 @@ def test_every_command_explains_itself_and_its_options() -> None:
         assert unexplained == [], name
 
 
-def test_every_parameter_says_what_it_is_and_where_it_ends() -> None:
+def test_every_parameter_has_a_description_a_unit_and_a_range() -> None:
     declared = [
         (f"{spec.name}: {item.name}", item)
         for spec in GRAPH
@@ -203,9 +203,10 @@ def test_every_parameter_says_what_it_is_and_where_it_ends() -> None:
     ]
     assert [name for name, item in declared if not item.description] == []
     numbers = [(name, item) for name, item in declared if isinstance(item.default, float | list)]
+    assert numbers
     assert [name for name, item in numbers if item.low is None and item.high is None] == []
     assert [name for name, item in numbers if not UNIT.search(item.description)] == []
 
 
-def test_every_topic_says_what_it_carries() -> None:
+def test_every_topic_is_described() -> None:
     assert [topic.name for topic in topics.TOPICS if len(topic.description.split()) < 2] == []

@@ -10,14 +10,14 @@ import pytest
 # Modules beside the tests are imported by name.
 sys.path.insert(0, str(Path(__file__).parent))
 
-from marker_film import DRIVE, FREE_LENGTH, Film, smooth_lay
+from marker_film import DRIVE, FREE_LENGTH, Film, FilmMaker, smooth_lay
 
 from winding_core.cable.cases import paper_case
 from winding_rig_node.lay.known_lay import published_lay
 
 
 @pytest.fixture(scope="session")
-def paper_film():
+def paper_film() -> FilmMaker:
     """A function that films a case of the paper as it was measured."""
 
     def film(number: int, **changes: object) -> Film:
@@ -29,7 +29,7 @@ def paper_film():
 
 
 @pytest.fixture(scope="session")
-def smooth_film():
+def smooth_film() -> FilmMaker:
     """A function that films a cable on the fleet-angle law."""
 
     def film(number: int, stretch: float = 1.0, **changes: object) -> Film:

@@ -195,6 +195,10 @@ class Film:
         return Tracker(config, self.pinhole(), motion_before=motion_before, remember=remember)
 
 
+# Films a case of the paper; further arguments are fields of the film.
+FilmMaker = Callable[..., Film]
+
+
 def dark_where(hidden: Callable[[float], bool]) -> Callable[[np.ndarray, float], np.ndarray]:
     """A change of pictures: black at the angles of which a function is true."""
     return lambda frame, angle: np.full_like(frame, 40) if hidden(angle) else frame

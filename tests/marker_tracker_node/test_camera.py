@@ -53,7 +53,7 @@ def test_five_iterations_would_not_be_enough():
     assert np.abs(habit - undistorted(camera(), pixels[0])[0]).max() * 1600.0 > 0.1
 
 
-def test_roi_and_binning_move_the_pixel_grid_as_rep_104_says():
+def test_roi_and_binning_move_the_pixel_grid_as_in_rep_104():
     binned = camera(roi=(300, 393, 960, 288), binning=3)
     assert binned.shape == (96, 320)
     inner = np.array([[10.0, 20.0]])

@@ -10,7 +10,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from marker_film import DRIVE, encoder, pinhole
+from marker_film import DRIVE, FilmMaker, encoder, pinhole
 
 from marker_tracker_node import Tracker
 from marker_tracker_node.tracking.checks.contradiction import Contradiction
@@ -90,7 +90,7 @@ def found_wrong(
 
 
 @pytest.mark.parametrize("name", LIES)
-def test_the_wrong_number_is_named(paper_film, name):
+def test_the_wrong_number_is_named(paper_film: FilmMaker, name: str) -> None:
     lie = LIES[name]
     (found,) = found_wrong(paper_film(4), lie)
     assert found.number == lie.number, found.sentence
@@ -109,7 +109,7 @@ def test_the_wrong_number_is_named(paper_film, name):
         Lie(number=""),
     ],
 )
-def test_a_run_of_one_turn_names_the_right_number(paper_film, lie):
+def test_a_run_of_one_turn_names_the_right_number(paper_film: FilmMaker, lie: Lie) -> None:
     # 5 s end just as P0 comes back; P1 is the only marker beside it.
     found = found_wrong(paper_film(4), lie, 25.0, stop=5.0)
     assert [item.number for item in found] == [lie.number] * bool(lie.number)
@@ -120,7 +120,7 @@ def test_a_run_of_one_turn_names_the_right_number(paper_film, lie):
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("case", [2, 5, 9, 10, 12])
-def test_nine_of_ten_are_named_whatever_is_wound(paper_film, case):
+def test_nine_of_ten_are_named_whatever_is_wound(paper_film: FilmMaker, case: int) -> None:
     film = paper_film(case)
     named = {name: [item.number for item in found_wrong(film, lie)] for name, lie in LIES.items()}
     # At constant speed a scale and a rate are the same: both may be named together.
@@ -133,13 +133,15 @@ def test_nine_of_ten_are_named_whatever_is_wound(paper_film, case):
 
 
 @pytest.mark.parametrize("case", [1, 4, 7, 10])
-def test_a_run_of_the_paper_raises_nothing(paper_film, case):
+def test_a_run_of_the_paper_raises_nothing(paper_film: FilmMaker, case: int) -> None:
     assert found_wrong(paper_film(case), Lie(number="")) == ()
 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(20))
-def test_consistent_runs_raise_nothing(paper_film, smooth_film, seed):
+def test_consistent_runs_raise_nothing(
+    paper_film: FilmMaker, smooth_film: FilmMaker, seed: int
+) -> None:
     rng = np.random.default_rng(100 + seed)
     camera = replace(
         CameraConfig(),

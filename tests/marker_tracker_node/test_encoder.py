@@ -154,7 +154,7 @@ def test_a_slow_encoder_and_outliers_do_not_spoil_it(condition):
     assert estimate.offset == pytest.approx(0.05, abs=REQUIRED)
 
 
-def test_standing_for_an_hour_tells_nothing_and_takes_no_memory():
+def test_standing_for_an_hour_gives_no_offset_and_takes_no_memory():
     bench = Bench(-0.05, rest=3600.0, lazy=1.0)
     assert len(bench.history) <= 2 * KEPT
     # What a ramp leaves; the hour before it is one mean.
@@ -162,7 +162,7 @@ def test_standing_for_an_hour_tells_nothing_and_takes_no_memory():
     assert bench.clock.estimate.offset == pytest.approx(-0.05, abs=REQUIRED)
 
 
-def test_constant_speed_tells_nothing():
+def test_constant_speed_gives_no_offset():
     history = EncoderHistory()
     clock = ClockOffset(history, 1, LIMIT)
     for sample in range(1000):

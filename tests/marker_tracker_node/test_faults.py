@@ -13,7 +13,10 @@ from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracke
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 
 pytestmark = pytest.mark.slow
-EPOCH, REST, FPS, STOP = 1.8e9, 0.3, 50.0, 9.0
+EPOCH = 1.8e9
+REST = 0.3
+FPS = 50.0
+STOP = 9.0
 # Of a length, as the specification asks.
 SHARE = 0.002
 

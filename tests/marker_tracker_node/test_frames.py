@@ -98,7 +98,7 @@ def test_dots_may_have_colours(paper_film):
 
 
 @pytest.mark.parametrize("spacing", [1.0, 0.55], ids=["spacing right", "spacing too short"])
-def test_a_missed_arrival_shifts_no_number_where_colours_tell(paper_film, spacing):
+def test_a_missed_arrival_shifts_no_number_where_colours_identify(paper_film, spacing):
     film = paper_film(9, camera=FULL_VIEW, **painted(*HUES))
     first = film.theta[1]
     records, theta, _ = track(

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from marker_film import DRIVE, Film, axes
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from sensor_msgs.msg import CameraInfo, RegionOfInterest
 
 from marker_tracker_node.node import ComposedTrackerNode, MarkerTrackerNode
@@ -37,7 +36,7 @@ class Bench:
 
     def __init__(self, ros: Any) -> None:
         self.ros = ros
-        self.node = ros.add(MarkerTrackerNode, parameter_overrides=[Parameter("case", value=4)])
+        self.node = ros.add(MarkerTrackerNode, parameters={"case": 4})
         probe = ros.plain()
         self.markers: list[Any] = []
         topics.TRACKED_MARKERS.subscribe(probe, self.markers.append)
@@ -83,7 +82,7 @@ def bench(ros: Any) -> Bench:
     return Bench(ros)
 
 
-def test_every_frame_is_answered_with_its_stamp(bench):
+def test_every_frame_is_answered_with_its_stamp(bench: Bench) -> None:
     bench.calibrate()
     for index in range(FRAMES):
         bench.encoder(index * PERIOD)
@@ -96,7 +95,7 @@ def test_every_frame_is_answered_with_its_stamp(bench):
     assert (markers["flags"][1:] & MarkerFlag.NOT_WOUND).all()
 
 
-def test_frames_wait_for_their_encoder_sample(bench):
+def test_frames_wait_for_their_encoder_sample(bench: Bench) -> None:
     bench.calibrate()
     for index in range(5):
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
@@ -106,7 +105,7 @@ def test_frames_wait_for_their_encoder_sample(bench):
     bench.ros.spin_until(lambda: len(bench.markers) == 5)
 
 
-def test_frame_without_calibration_is_refused_and_reported(bench):
+def test_frame_without_calibration_is_refused_and_reported(bench: Bench) -> None:
     bench.info.publish(CameraInfo())
     bench.ros.spin_until(lambda: bench.node.endpoints._guards["camera/camera_info"].refused == 1)
     bench.image.publish(encode_image(0.0, bench.frame(0.0)))
@@ -115,7 +114,7 @@ def test_frame_without_calibration_is_refused_and_reported(bench):
     assert bench.node.status().message == "no calibrated camera_info yet"
 
 
-def test_frames_that_overtake_the_first_calibration_are_measured(bench):
+def test_frames_that_overtake_the_first_calibration_are_measured(bench: Bench) -> None:
     for index in range(4):
         bench.encoder(index * PERIOD)
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
@@ -125,7 +124,7 @@ def test_frames_that_overtake_the_first_calibration_are_measured(bench):
     bench.ros.spin_until(lambda: len(bench.markers) == 4)
 
 
-def test_silent_encoder_is_reported_and_frames_still_answered(bench):
+def test_silent_encoder_is_reported_and_frames_still_answered(bench: Bench) -> None:
     bench.calibrate()
     for index in range(FRAMES):
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
@@ -134,7 +133,7 @@ def test_silent_encoder_is_reported_and_frames_still_answered(bench):
     assert "the encoder is silent" in bench.node.status().message
 
 
-def test_frame_of_another_size_gets_an_empty_answer(bench):
+def test_frame_of_another_size_gets_an_empty_answer(bench: Bench) -> None:
     bench.calibrate()
     bench.encoder(0.0)
     bench.image.publish(encode_image(0.0, np.zeros((48, 64, 3), dtype=np.uint8)))
@@ -143,7 +142,7 @@ def test_frame_of_another_size_gets_an_empty_answer(bench):
     assert "frame of another size" in bench.node.status().message
 
 
-def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench):
+def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench: Bench) -> None:
     bench.calibrate()
     bench.image.publish(encode_image(3600.0, bench.frame(0.0)))
     image = bench.node.endpoints._guards["camera/image_raw"]
@@ -159,7 +158,7 @@ def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench):
     assert bench.markers[0].header.stamp.sec == 3600
 
 
-def test_the_lay_is_published_when_it_is_asked_for(bench):
+def test_the_lay_is_published_when_it_is_asked_for(bench: Bench) -> None:
     handler = TrackerHandler(TrackerParameters(case=4, measure_lay=True))
     info = serialised(encode_camera_info(0.0, bench.calibration()))
     answers = list(handler.take(topics.CAMERA_INFO, info))
@@ -211,15 +210,15 @@ def device() -> Device:
 
 @pytest.fixture
 def node(ros: Any, device: Device) -> ComposedTrackerNode:
-    made = ros.add(
-        ComposedTrackerNode, device.open_camera, parameter_overrides=[Parameter("case", value=4)]
-    )
+    made = ros.add(ComposedTrackerNode, device.open_camera, parameters={"case": 4})
     assert made.trigger_configure() is TransitionCallbackReturn.SUCCESS
     tracker: ComposedTrackerNode = made
     return tracker
 
 
-def test_the_camera_is_open_while_the_node_is_active(node, device):
+def test_the_camera_is_open_while_the_node_is_active(
+    node: ComposedTrackerNode, device: Device
+) -> None:
     for _ in range(2):
         assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
         assert device.opened == 1
@@ -227,7 +226,9 @@ def test_the_camera_is_open_while_the_node_is_active(node, device):
         assert device.opened == 0
 
 
-def test_a_camera_that_does_not_open_is_refused_and_may_open_later(node, device):
+def test_a_camera_that_does_not_open_is_refused_and_may_open_later(
+    node: ComposedTrackerNode, device: Device
+) -> None:
     device.opens = False
     assert node.trigger_activate() is TransitionCallbackReturn.FAILURE
     (own, *_) = node._statuses()
@@ -237,7 +238,9 @@ def test_a_camera_that_does_not_open_is_refused_and_may_open_later(node, device)
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
 
 
-def test_a_camera_that_does_not_close_leaves_the_node_as_others_do(node, device):
+def test_a_camera_that_does_not_close_leaves_the_node_as_others_do(
+    node: ComposedTrackerNode, device: Device
+) -> None:
     device.closes = False
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     assert node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
@@ -253,7 +256,9 @@ def stamps(ros: Any, node: ComposedTrackerNode) -> list[int]:
     return found
 
 
-def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(ros, node, device):
+def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(
+    ros: Any, node: ComposedTrackerNode, device: Device
+) -> None:
     heard = stamps(ros, node)
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     device.port.calibrate(calibration())
@@ -273,7 +278,9 @@ def test_a_frame_whose_time_runs_backwards_is_refused_and_counted(ros, node, dev
         (float("nan"), FRAME, "the time of a frame must be finite, got nan s"),
     ],
 )
-def test_what_is_no_frame_is_refused_where_it_is_handed_over(node, device, t, frame, sentence):
+def test_what_is_no_frame_is_refused_where_it_is_handed_over(
+    node: ComposedTrackerNode, device: Device, t: float, frame: Any, sentence: str
+) -> None:
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     with pytest.raises(RuntimeError, match="before any calibration"):
         device.port.take(0.0, FRAME)
@@ -282,7 +289,9 @@ def test_what_is_no_frame_is_refused_where_it_is_handed_over(node, device, t, fr
         device.port.take(t, frame)
 
 
-def test_a_frame_that_comes_after_the_end_is_left_alone(ros, node, device):
+def test_a_frame_that_comes_after_the_end_is_left_alone(
+    ros: Any, node: ComposedTrackerNode, device: Device
+) -> None:
     heard = stamps(ros, node)
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     late = device.port

@@ -47,9 +47,13 @@ def write_bag(path, messages):
 
 def image(data, rows, columns, encoding, step, big=0):
     return {
-        "height": rows, "width": columns, "encoding": encoding, "is_bigendian": big,
-        "step": step, "data": np.frombuffer(data, np.uint8),
-    }  # fmt: skip
+        "height": rows,
+        "width": columns,
+        "encoding": encoding,
+        "is_bigendian": big,
+        "step": step,
+        "data": np.frombuffer(data, np.uint8),
+    }
 
 
 def command(function):
@@ -162,7 +166,8 @@ def test_track_measures_a_video(sequence, tmp_path):
 
 
 def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
-    camera, motion = read_camera(sequence / "camera.yaml"), read_motion(sequence / "motion.csv")
+    camera = read_camera(sequence / "camera.yaml")
+    motion = read_motion(sequence / "motion.csv")
     names = ("x_offset", "y_offset", "width", "height")
     roi = STORE.types["sensor_msgs/msg/RegionOfInterest"](
         **dict(zip(names, camera.roi, strict=True)), do_rectify=False
@@ -172,13 +177,21 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
         joints = {
             "name": ["carriage_joint", "cylinder_joint"],
             "position": np.array([motion.guide_z[k], motion.cylinder_angle[k]]),
-            "velocity": np.zeros(2), "effort": np.zeros(0),
-        }  # fmt: skip
+            "velocity": np.zeros(2),
+            "effort": np.zeros(0),
+        }
         info = {
-            "height": 1080, "width": 1920, "distortion_model": "plumb_bob", "d": camera.d,
-            "k": camera.k.ravel(), "r": np.eye(3).ravel(), "p": np.zeros(12),
-            "binning_x": 3, "binning_y": 3, "roi": roi,
-        }  # fmt: skip
+            "height": 1080,
+            "width": 1920,
+            "distortion_model": "plumb_bob",
+            "d": camera.d,
+            "k": camera.k.ravel(),
+            "r": np.eye(3).ravel(),
+            "p": np.zeros(12),
+            "binning_x": 3,
+            "binning_y": 3,
+            "roi": roi,
+        }
         messages += [
             ("JointState", t, joints),
             ("CameraInfo", t, info),

@@ -166,7 +166,7 @@ def test_every_version_is_the_pinned_one(text: str) -> None:
     assert {name: pinned.get(name) for name in held} == held
 
 
-def test_it_is_of_the_project_and_says_who_needs_what(text: str) -> None:
+def test_it_is_of_the_project_and_lists_its_dependencies(text: str) -> None:
     record = json.loads(text)
     assert record["bomFormat"] == "CycloneDX"
     assert record["metadata"]["component"]["name"] == "cable-winding-twin"

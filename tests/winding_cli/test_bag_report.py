@@ -59,7 +59,9 @@ def recording(folder: Path, *, off: float, mode: ControlMode = ControlMode.DRIVE
         )
         write(topics.JOINT_STATES, t, encode_joint_state(t, reading))
         record = np.zeros(1, LAY_CONTROL_DTYPE)
-        record["theta"], record["wanted_z"], record["mode"] = angle, ADVANCE * angle, mode
+        record["mode"] = mode
+        record["theta"] = angle
+        record["wanted_z"] = ADVANCE * angle
         record["free_length"], record["sigma_free_length"] = 0.1958, 0.0055
         write(topics.LAY_CONTROL_STATE, t, encode_cloud(t, record))
     theta = np.arange(0.05, DRIVE.positions(SECONDS)[0], 0.09)

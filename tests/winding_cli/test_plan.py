@@ -41,7 +41,7 @@ def test_a_plan_is_printed_drawn_and_written(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
+def test_the_solver_lies_where_it_is_planned(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     code, _ = plan(*HELIX, "--markers-every-turn", "--json", str(file))
     assert code == 0
@@ -49,13 +49,16 @@ def test_the_solver_lies_where_the_plan_says(tmp_path: Path) -> None:
     solver = record["solver"]
     # The bar of the issue, and 0.3 % of a turn, three times the most that was measured at markers.
     assert solver["residual_rms_m"] <= 0.05 * record["uncompensated_rms_m"]
-    for item, landed in zip(record["markers"], solver["markers_rad"], strict=True):
-        if item["wanted_rad"] is not None and landed is not None:
-            assert landed == pytest.approx(item["wanted_rad"], abs=0.003 * 2.0 * np.pi)
+    wanted = [item["wanted_rad"] for item in record["markers"]]
+    pairs = zip(wanted, solver["markers_rad"], strict=True)
+    both = [pair for pair in pairs if None not in pair]
+    assert len(both) >= 3
+    for angle, landed in both:
+        assert landed == pytest.approx(angle, abs=0.003 * 2.0 * np.pi)
 
 
 @pytest.mark.slow
-def test_a_plan_says_which_markers_control_cannot_land(tmp_path: Path) -> None:
+def test_a_plan_names_the_markers_that_control_cannot_land(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     code, output = plan(*HELIX, "--markers-every-turn", "--no-solver", "--json", str(file))
     assert code == 0
@@ -68,7 +71,7 @@ def test_a_plan_says_which_markers_control_cannot_land(tmp_path: Path) -> None:
         assert named == (off > (0.02 if item["id"] == 1 else 0.01) * 2.0 * np.pi)
 
 
-def test_a_dead_weight_is_not_said_to_land_markers(tmp_path: Path) -> None:
+def test_no_landings_are_planned_under_a_dead_weight(tmp_path: Path) -> None:
     file = tmp_path / "plan.json"
     options = ("--markers-every-turn", "--no-solver", "--no-brake", "--json", str(file))
     code, output = plan(*HELIX, *options)

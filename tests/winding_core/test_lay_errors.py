@@ -112,7 +112,7 @@ def test_run_of_two_turns_is_not_judged() -> None:
 
 @pytest.mark.parametrize("oldest", [0.0, 5.0])
 @pytest.mark.parametrize("angle", [0.4, 3.0, 33.93, 34.5])
-def test_cable_says_its_wound_angles_from_the_contact_line_back(
+def test_wound_angles_of_the_cable_count_from_the_contact_line_back(
     angle: float, oldest: float
 ) -> None:
     radius, theta = 17.0e-3, np.arange(oldest, angle, 0.31)
@@ -124,7 +124,9 @@ def test_cable_says_its_wound_angles_from_the_contact_line_back(
     )
     cable["z"][:on] = ADVANCE * theta
     # The tangent span to the guide.
-    cable["x"][on:], cable["y"][on:], cable["z"][on:] = radius, -5.0e-3 * free, 1.0
+    cable["x"][on:] = radius
+    cable["y"][on:] = -5.0e-3 * free
+    cable["z"][on:] = 1.0
     found, z = cable_lay(cable, angle, radius)
     np.testing.assert_allclose(found, theta, atol=1.0e-6)
     np.testing.assert_allclose(z, ADVANCE * theta, atol=SINGLE)

@@ -90,11 +90,13 @@ def test_a_wrong_direction_or_unit_is_named(angle: float, way: float, sentence: 
     ("share", "ahead", "lead"),
     [
         # A controlled carriage may go ahead of the cable, or backwards where it is wanted there.
-        (1.0, 0.033, 0.033), (1.0, 0.0099, 0.033), (1.0, -0.033, -0.033),
+        (1.0, 0.033, 0.033),
+        (1.0, 0.0099, 0.033),
+        (1.0, -0.033, -0.033),
         # A machine that is slower than the condition.
         (0.2, 0.0, 0.0),
     ],
-)  # fmt: skip
+)
 def test_other_motion_is_no_wrong_axis(share: float, ahead: float, lead: float) -> None:
     theta, z = DRIVE.positions(1.0)
     assert wrong_axis(reading(share * theta, share * z + ahead), 1.0, DRIVE, lead) == ""
@@ -178,11 +180,15 @@ def numbers(element: ET.Element, key: str) -> np.ndarray:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_marker_and_guide_stand_where_the_axes_say(sign: float) -> None:
+def test_marker_and_guide_stand_where_the_axes_place_them(sign: float) -> None:
     axes = MachineAxes(
-        cylinder_joint="drum", carriage_joint="slide", cylinder_scale=sign, carriage_scale=sign,
-        cylinder_offset=37.2, carriage_offset=0.1,
-    )  # fmt: skip
+        cylinder_joint="drum",
+        carriage_joint="slide",
+        cylinder_scale=sign,
+        carriage_scale=sign,
+        cylinder_offset=37.2,
+        carriage_offset=0.1,
+    )
     urdf = machine_urdf(WHAT, axes)
     rho, span = WHAT.case.centreline_radius, WHAT.free_length
     for drum, slide in RNG.uniform([-50.0, -0.5], [50.0, 0.5], (20, 2)):
@@ -206,9 +212,14 @@ def test_the_camera_looks_as_tracker_and_page_project(tilt: tuple[float, ...]) -
     tracker = CameraPose(position=(0.3, -0.02, 0.07), tilt=tuple(tilt))  # type: ignore[arg-type]
     np.testing.assert_allclose(pose[:3, :3].T, tracker.axes, atol=EXACT)
     page = CameraView(
-        matrix=np.diag([1.0, 1.0, 1.0]), distortion=np.zeros(5), window=ImageWindow(), width=640,
-        height=480, position=np.array(placement.camera_position), tilt=np.array(tilt),
-    )  # fmt: skip
+        matrix=np.diag([1.0, 1.0, 1.0]),
+        distortion=np.zeros(5),
+        window=ImageWindow(),
+        width=640,
+        height=480,
+        position=np.array(placement.camera_position),
+        tilt=np.array(tilt),
+    )
     points = RNG.uniform([-0.02, -0.02, 0.0], [0.02, 0.02, 0.1], (20, 3))
     seen = (points - pose[:3, 3]) @ pose[:3, :3]
     np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], page.pixels(points), atol=EXACT)
@@ -220,5 +231,6 @@ def test_every_link_hangs_on_the_frame_of_the_messages() -> None:
     links = {item.get("name") for item in root.iterfind("link")}
     assert links - set(children) == {"winder_axis"}
     assert len(children) == len(set(children)) == len(links) - 1
-    for joint in root.iterfind("joint"):
-        assert all(np.isfinite(numbers(item, "xyz")).all() for item in joint.iterfind("origin"))
+    origins = root.findall("joint/origin")
+    assert origins
+    assert all(np.isfinite(numbers(origin, "xyz")).all() for origin in origins)

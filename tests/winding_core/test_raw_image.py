@@ -41,7 +41,7 @@ def raw(encoding: str, *, bits: int = 8, big: bool = False, padding: int = 0) ->
 @pytest.mark.parametrize("big", [False, True])
 @pytest.mark.parametrize("padding", [0, 14])
 @pytest.mark.parametrize("encoding", ENCODINGS)
-def test_every_encoding_says_the_same_colours(encoding: str, padding: int, big: bool) -> None:
+def test_every_encoding_gives_the_same_colours(encoding: str, padding: int, big: bool) -> None:
     bits = 16 if encoding.endswith("16") else 8
     frame = PixelReader().frame(raw(encoding, bits=bits, big=big, padding=padding))
     assert frame.shape == (ROWS, COLUMNS, 3)
@@ -52,7 +52,7 @@ def test_every_encoding_says_the_same_colours(encoding: str, padding: int, big: 
 
 @pytest.mark.parametrize("bits", [10, 12, 14])
 @pytest.mark.parametrize("encoding", ["bgr16", "bayer_gbrg16"])
-def test_few_bits_in_wide_words_are_scaled_by_what_was_said(encoding: str, bits: int) -> None:
+def test_few_bits_in_wide_words_are_scaled_as_configured(encoding: str, bits: int) -> None:
     frame = PixelReader(significant_bits=bits).frame(raw(encoding, bits=bits))
     np.testing.assert_array_equal(frame[1:-1, 1:-1], colours()[1:-1, 1:-1])
 
@@ -69,7 +69,7 @@ def test_few_bits_in_wide_words_are_noticed(bits: int, most: int) -> None:
     assert not whole.remark
 
 
-def test_more_bits_than_were_said_are_refused() -> None:
+def test_more_bits_than_configured_are_refused() -> None:
     with pytest.raises(ImageFormatError, match="significant_bits is 10, values up to 1023, but a"):
         PixelReader(significant_bits=10).frame(raw("bgr16", bits=12))
 

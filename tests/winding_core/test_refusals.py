@@ -28,8 +28,11 @@ from winding_core.urdf import machine_urdf
 
 NOT_FINITE = (math.nan, math.inf)
 CASE = {
-    "cylinder_diameter": 0.045, "cable_diameter": 0.003, "weight": 2.5, "marker_spacing": 0.15,
-}  # fmt: skip
+    "cylinder_diameter": 0.045,
+    "cable_diameter": 0.003,
+    "weight": 2.5,
+    "marker_spacing": 0.15,
+}
 SPAN = {"advance_per_radian": 0.003, "free_length": 0.198, "radius": 0.017}
 
 

@@ -41,10 +41,10 @@ class AttendedRun:
         return sum(item.memory_info().rss for item in held) / 1e6
 
     def end(self) -> tuple[int, str]:
-        """Interrupt the command; return its exit code and what it said once it has ended."""
+        """Interrupt the command; return its exit code and what it printed, once it has ended."""
         self.process.send_signal(signal.SIGINT)
-        said, _ = self.process.communicate(timeout=PATIENCE)
-        return self.process.returncode, said
+        output, _ = self.process.communicate(timeout=PATIENCE)
+        return self.process.returncode, output
 
 
 @contextlib.contextmanager

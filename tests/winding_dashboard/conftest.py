@@ -97,8 +97,8 @@ def wait_for_line(process: "subprocess.Popen[str]", text: str, patience: float =
         assert process.stdout is not None
         if select.select([process.stdout], [], [], 0.5)[0] and text in process.stdout.readline():
             return
-        assert process.poll() is None, f"ended with {process.returncode} before it said {text}"
-    pytest.fail(f"did not say {text} in {patience:g} s")
+        assert process.poll() is None, f"ended with {process.returncode} before it printed {text}"
+    pytest.fail(f"did not print {text} in {patience:g} s")
 
 
 def wait_for_page(url: str) -> None:

@@ -27,7 +27,10 @@ from winding_dashboard.page import commands
 from winding_dashboard.state.view_state import ViewState
 from winding_dashboard.web.server import application
 
-RADIUS, SPEED, ADVANCE, GUIDE_AHEAD = 0.017, 1.74, 2.87e-3, 0.033
+RADIUS = 0.017
+SPEED = 1.74
+ADVANCE = 2.87e-3
+GUIDE_AHEAD = 0.033
 LAG = 0.2 / RADIUS
 MARKERS_APART, PERIOD = 4.65, 0.1
 
@@ -61,8 +64,11 @@ def note_run(state: ViewState, theta: float, mode: ControlMode, *, step: float =
     before = 0.0 if state.control.newest is None else float(state.control.newest["theta"])
     for angle in np.append(np.arange(before, theta, step), theta):
         record = np.zeros(1, LAY_CONTROL_DTYPE)
-        record["theta"], record["wanted_z"], record["mode"] = angle, ADVANCE * angle, mode
-        record["z"], record["sigma_z"], record["pull"] = ADVANCE * angle, 1.0e-4, math.nan
+        record["mode"] = mode
+        record["theta"] = angle
+        record["z"], record["sigma_z"] = ADVANCE * angle, 1.0e-4
+        record["wanted_z"] = ADVANCE * angle
+        record["pull"] = math.nan
         record["guide"] = ADVANCE * angle + GUIDE_AHEAD
         record["free_length"], record["sigma_free_length"] = 0.1958, 0.0055
         record["load_share"], record["sigma_load_share"] = 0.881, 0.079

@@ -71,6 +71,15 @@ class Machine:
         return "the machine and its watchers stand at the start of a run"
 
 
+class Clock:
+    """A clock that goes on as a test sets it [s]."""
+
+    now = 100.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
 def fresh_state() -> ViewState:
     state = ViewState(nodes=NODES, machine="winding_rig", solver="cable_fem")
     state.health.lifecycle = dict.fromkeys(NODES, "active")

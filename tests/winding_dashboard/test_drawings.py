@@ -47,9 +47,14 @@ FILLED = ("danger", "go", "ink")
 
 def camera(tilt: tuple[float, float, float] = (0.0, 0.0, 0.0), **changes: object) -> CameraView:
     values: dict[str, object] = {
-        "matrix": MATRIX, "distortion": DISTORTION, "window": WINDOW, "width": 1920,
-        "height": 1080, "position": POSITION, "tilt": np.array(tilt),
-    }  # fmt: skip
+        "matrix": MATRIX,
+        "distortion": DISTORTION,
+        "window": WINDOW,
+        "width": 1920,
+        "height": 1080,
+        "position": POSITION,
+        "tilt": np.array(tilt),
+    }
     return CameraView(**{**values, **changes})
 
 
@@ -77,10 +82,13 @@ def test_window_and_binning_follow_rep_104() -> None:
 
 def overlay(angle: float, *flags: int, turned: float = 0.0) -> str:
     records = wound_markers(
-        ids=np.arange(len(flags)), theta=np.zeros(len(flags)),
+        ids=np.arange(len(flags)),
+        theta=np.zeros(len(flags)),
         z=0.02 + 0.03 * np.arange(len(flags)),
-        radius=0.017, cylinder_angle=angle, flags=np.array(flags),
-    )  # fmt: skip
+        radius=0.017,
+        cylinder_angle=angle,
+        flags=np.array(flags),
+    )
     return band_overlay(records, camera(), cable_radius=0.002, turned=turned)
 
 

@@ -73,8 +73,8 @@ def test_a_machine_of_ones_own_winds_run_after_run_from_the_page(
     start(desk)
     desk.wait_for(f"{RUNS} === 3")
     desk.shoot(pictures, "external-three-runs")
-    code, said = run.end()
-    assert code == 0, said
+    code, output = run.end()
+    assert code == 0, output
     whole, broken, again = records(run.folder)
     assert [item["error_verdict"]["limit_pct"] for item in (whole, broken, again)] == [
         4.8, LIMIT, LIMIT,

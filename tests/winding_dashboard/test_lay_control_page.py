@@ -27,7 +27,7 @@ def controlled(theta: float = 5.5 * TURN, mode: ControlMode = DRIVE) -> ViewStat
     return state
 
 
-def said(basis: ControlBasis, **further: float) -> ControlState:
+def control_state(basis: ControlBasis, **further: float) -> ControlState:
     record = np.zeros(1, LAY_CONTROL_DTYPE)
     record["basis"], record["mode"], record["pull"] = basis, DRIVE, math.nan
     for name, value in further.items():
@@ -38,30 +38,35 @@ def said(basis: ControlBasis, **further: float) -> ControlState:
 
 
 def test_fall_backs_are_named_and_stand_out() -> None:
-    assert basis_words(said(ControlBasis.MEASURED), 10.0) == ("the measured lay is fed back", False)
+    assert basis_words(control_state(ControlBasis.MEASURED), 10.0) == (
+        "the measured lay is fed back",
+        False,
+    )
     for basis, word in ((ControlBasis.MODEL, "TRACKER LOST"), (ControlBasis.RAMP, "SOLVER LOST")):
-        text, stands_out = basis_words(said(basis), 10.0)
+        text, stands_out = basis_words(control_state(basis), 10.0)
         assert text.startswith(word)
         assert stands_out
 
 
-def test_controller_that_falls_silent_while_time_goes_on_is_told() -> None:
-    text, stands_out = basis_words(said(ControlBasis.MEASURED), 13.0)
+def test_controller_that_falls_silent_while_time_goes_on_is_reported() -> None:
+    text, stands_out = basis_words(control_state(ControlBasis.MEASURED), 13.0)
     assert text == "silent for 3 s of the machine's time"
     assert stands_out
 
 
-def test_bound_that_holds_is_told() -> None:
-    text, stands_out = basis_words(said(ControlBasis.MEASURED, limited=1), 10.0)
+def test_active_bound_is_reported() -> None:
+    text, stands_out = basis_words(control_state(ControlBasis.MEASURED, limited=1), 10.0)
     assert text.endswith("a bound of the carriage holds the guide back")
     assert not stands_out
 
 
-def test_beliefs_have_their_deviations_and_what_is_not_commanded_is_said_so() -> None:
-    told = beliefs(said(ControlBasis.MEASURED, free_length=0.1958, sigma_free_length=0.0055))
-    assert told["Free length"] == "195.8 ± 5.5 mm"
-    assert told["Pull"] == "not set"
-    watching = said(ControlBasis.MEASURED, mode=WATCH, guide=0.0333, pull=2.5)
+def test_estimates_have_their_deviations_and_uncommanded_values_are_marked() -> None:
+    shown = beliefs(
+        control_state(ControlBasis.MEASURED, free_length=0.1958, sigma_free_length=0.0055)
+    )
+    assert shown["Free length"] == "195.8 ± 5.5 mm"
+    assert shown["Pull"] == "not set"
+    watching = control_state(ControlBasis.MEASURED, mode=WATCH, guide=0.0333, pull=2.5)
     assert beliefs(watching)["Guide"] == "would be 33.3 mm"
     assert beliefs(watching)["Pull"] == "would be 2.50 N"
 
@@ -78,7 +83,7 @@ def test_wanted_line_is_what_was_heard_and_forgotten_with_the_run() -> None:
 
 
 def test_mode_comes_from_diagnostics_while_the_machine_stands() -> None:
-    control = said(ControlBasis.MEASURED)
+    control = control_state(ControlBasis.MEASURED)
     status = Status(name="lay_control", message="off; waiting", values={"mode": "off"})
     control.note_statuses([status, Status(name="lay_control: topics", values={"mode": "drive"})])
     assert control.mode is ControlMode.OFF

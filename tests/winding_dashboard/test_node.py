@@ -158,21 +158,23 @@ def test_topic_that_the_page_has_no_row_for_is_shown_as_text(
 
 
 @pytest.mark.slow
-def test_emergency_stop_without_an_answer_says_what_to_do(dashboard: DashboardNode) -> None:
+def test_unanswered_emergency_stop_refers_to_the_machine_s_button(
+    dashboard: DashboardNode,
+) -> None:
     with pytest.raises(CommandError, match="use the machine's own button"):
         asyncio.run(dashboard.service_client.command("emergency_stop"))
 
 
-def test_supervised_page_says_what_its_operator_calls_good(
+def test_supervised_page_publishes_its_operator_s_limits(
     ros: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    said: list[OperatorLimits | None] = []
+    published: list[OperatorLimits | None] = []
     probe = ros.plain()
 
     def note(message: Any) -> None:
         _, (status,) = decode_diagnostics(message)
         assert status.name == "dashboard: limits"
-        said.append(OperatorLimits.from_values(status.values))
+        published.append(OperatorLimits.from_values(status.values))
 
     topics.DIAGNOSTICS.subscribe(probe, note)
     monkeypatch.setenv(SUPERVISED, str(os.getpid()))
@@ -181,7 +183,7 @@ def test_supervised_page_says_what_its_operator_calls_good(
         ros.spin_until(lambda: page.count_subscribers(topics.DIAGNOSTICS.name) == 2)
         limits = OperatorLimits(error_limit_pct=1.0 / 3.0, lay_tolerance=0.1e-3)
         page.set_limits(limits)
-        ros.spin_until(lambda: limits in said)
+        ros.spin_until(lambda: limits in published)
         (refused,) = page.set_parameters([Parameter("error_limit_pct", value=2000.0)])
         assert not refused.successful
         assert page.limits == limits

@@ -194,9 +194,9 @@ def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: AttendedRun, motion
 def test_ctrl_c_ends_the_session_and_every_run_has_its_report(
     run: AttendedRun, motion: Any
 ) -> None:
-    code, said = run.end()
-    assert code == 0, said
-    assert "Curve lengths of case 5" in said
+    code, output = run.end()
+    assert code == 0, output
+    assert "Curve lengths of case 5" in output
     folders = [run.folder, run.folder / "run-2", run.folder / "run-3"]
     records = [json.loads((f / "run.json").read_text(encoding="utf-8")) for f in folders]
     assert [(record["case"], record["ended"]) for record in records] == [
@@ -208,7 +208,7 @@ def test_ctrl_c_ends_the_session_and_every_run_has_its_report(
     for folder in folders:
         assert (folder / "report" / "index.html").is_file()
     bags = [run.folder / name for name in ("bag", "bag-2", "bag-3", "bag-4")]
-    assert [line for line in said.splitlines() if line.startswith("bag: ")] == [
+    assert [line for line in output.splitlines() if line.startswith("bag: ")] == [
         f"bag: {bag}" for bag in bags
     ]
     for bag in bags:

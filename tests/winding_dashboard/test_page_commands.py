@@ -6,7 +6,7 @@ import time
 from typing import Any
 
 import pytest
-from simulated_page import Desk, Machine, fresh_state, phase
+from simulated_page import Clock, Desk, Machine, fresh_state, phase
 
 from winding_core.machine.readings import CABLE_TENSION
 from winding_core.status import Level, RunPhase, Status
@@ -70,7 +70,7 @@ def test_ending_a_recording_asks_while_the_machine_winds_and_not_when_it_stands(
     assert desk.look()["ask"]["record"] == ""
 
 
-def test_ending_a_recording_tells_what_is_in_it() -> None:
+def test_ending_a_recording_reports_what_is_in_it() -> None:
     machine = Machine()
     desk = Desk(fresh_state(), machine)
     assert desk.ask("/record", on=False).endswith("recording: bag: 7 messages")
@@ -85,7 +85,7 @@ def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
 
 
 def at_desk(state: ViewState | None = None, machine: Machine | None = None) -> Desk:
-    """Return a desk whose solver has said what it is set to."""
+    """Return a desk whose solver has reported what it is set to."""
     if state is None:
         state = fresh_state()
         phase(state, "idle")
@@ -105,9 +105,9 @@ def test_form_shows_what_the_solver_is_set_to() -> None:
 
 def test_chosen_case_and_law_are_prepared() -> None:
     desk = at_desk()
-    said = desk.ask("/prepare", form=form(9, "hencky"))
+    answer = desk.ask("/prepare", form=form(9, "hencky"))
     assert desk.graph.done == ["prepare 9 hencky"]
-    assert said.endswith("prepare: ready to wind case 9")
+    assert answer.endswith("prepare: ready to wind case 9")
     assert desk.look()["form"]["case"] == 9
 
 
@@ -132,19 +132,19 @@ def test_nothing_is_chosen_while_the_machine_winds() -> None:
 
 def test_own_condition_is_prepared_in_si() -> None:
     desk = at_desk()
-    said = desk.ask("/prepare", form=form(0, take_up=True, **OWN))
+    answer = desk.ask("/prepare", form=form(0, take_up=True, **OWN))
     assert desk.graph.done == [
         "prepare 0 linear cylinder_diameter=0.03 cable_diameter=0.004 weight=3.5 "
         "marker_spacing=0.08 take up"
     ]
-    assert said.endswith("prepare: ready to wind a condition of your own")
+    assert answer.endswith("prepare: ready to wind a condition of your own")
 
 
 def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
     desk = at_desk()
     assert "say what to wind: Case 1 to 12, or Cylinder" in desk.ask("/prepare", form=form(0))
-    said = desk.ask("/prepare", form=form(0, **{**OWN, "cylinder_diameter_mm": 3000}))
-    assert "Cylinder diameter, mm must be at most 2000, got 3000" in said
+    answer = desk.ask("/prepare", form=form(0, **{**OWN, "cylinder_diameter_mm": 3000}))
+    assert "Cylinder diameter, mm must be at most 2000, got 3000" in answer
     assert desk.look()["texts"]["prepare-answer"].endswith("at most 2000, got 3000")
     assert desk.graph.done == []
 
@@ -156,7 +156,7 @@ def test_nonsense_in_a_form_is_refused_in_words() -> None:
     assert desk.graph.done == []
 
 
-def test_refused_preparation_says_why_beside_its_button() -> None:
+def test_refused_preparation_shows_the_reason_beside_its_button() -> None:
     refusal = "cable_fem cannot configure: the weight is too much"
     desk = at_desk(machine=Machine(refusal=refusal))
     assert desk.ask("/prepare", form=form(4)).endswith(f"prepare: {refusal}")
@@ -313,13 +313,6 @@ def test_empty_field_is_refused_by_its_name(path: str, asked: dict, sentence: st
     assert desk.graph.done == []
 
 
-class Clock:
-    now = 100.0
-
-    def __call__(self) -> float:
-        return self.now
-
-
 @pytest.mark.parametrize("name", ["start", "reset"])
 def test_what_was_asked_before_an_old_picture_is_not_done(name: str) -> None:
     clock, machine = Clock(), Machine()
@@ -327,8 +320,8 @@ def test_what_was_asked_before_an_old_picture_is_not_done(name: str) -> None:
     seen = desk.look()
     clock.now += SEEN_WITHIN + 1.0
     body = {"server": seen["server"], "sequence": seen["sequence"]}
-    said = desk.request("POST", f"/command/{name}", json=body).json()["answer"]
-    assert said.endswith(f"{name}: nothing was done, for the page was 6 s old; look again")
+    answer = desk.request("POST", f"/command/{name}", json=body).json()["answer"]
+    assert answer.endswith(f"{name}: nothing was done, for the page was 6 s old; look again")
     assert machine.done == []
 
 

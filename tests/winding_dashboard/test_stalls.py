@@ -70,6 +70,7 @@ def settled(page: Any) -> float:
 
 def clock_goes_on(page: Any) -> None:
     clocks = [clock for resets, clock in page.evaluate("window.clocks") if clock is not None]
+    assert clocks
     assert clocks == sorted(clocks)
 
 
@@ -96,7 +97,7 @@ def test_browser_that_stalls_shows_the_present_afterwards(tab: Any, seconds: flo
     clock_goes_on(tab)
 
 
-def test_cut_network_is_said_and_then_forgotten(tab: Any) -> None:
+def test_cut_network_is_reported_and_then_forgotten(tab: Any) -> None:
     cut(tab, 2.5)
     print(f"of the present {settled(tab):.2f} s after a network that was cut")
     assert tab.locator("#age").is_hidden()

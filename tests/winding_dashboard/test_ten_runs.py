@@ -83,6 +83,6 @@ def test_report_opens_from_the_page(session: AttendedRun, new_tab: Any) -> None:
 
 
 def test_ctrl_c_ends_the_session_without_a_failure(session: AttendedRun) -> None:
-    code, said = session.end()
-    assert code == 0, said
-    assert said.count("Curve lengths of case 4") == RUNS
+    code, output = session.end()
+    assert code == 0, output
+    assert output.count("Curve lengths of case 4") == RUNS

@@ -25,7 +25,7 @@ def report(name: str, level: Level = Level.OK, message: str = "") -> Status:
     return Status(name=name, level=level, message=message)
 
 
-def test_row_tells_the_worst_and_everything_said() -> None:
+def test_row_shows_the_worst_level_and_every_message() -> None:
     health = Health(["rig"])
     health.note(0.0, [report("rig", message="winding")])
     health.note(0.0, [report("rig: topics", Level.WARN, "refused a message")])
@@ -145,7 +145,7 @@ def test_marker_that_is_not_wound_has_no_length(state: ViewState) -> None:
     assert len(state.lengths[2]) == 0
 
 
-def test_difference_is_taken_from_the_correction_and_its_bounds_are_told(state: ViewState) -> None:
+def test_difference_is_taken_from_the_correction_and_its_bounds_are_shown(state: ViewState) -> None:
     wind(state, 1.0)
     measured = state.marker_rows()[0].measured
     corrected = np.zeros(1, CORRECTED_DTYPE)
@@ -207,7 +207,7 @@ def test_beginning_is_found_from_within_the_ramp_and_after_it(
     assert state.run_began == pytest.approx(100.0 - passed)
 
 
-def test_source_is_as_old_as_the_machines_clock_says(state: ViewState) -> None:
+def test_source_is_as_old_as_by_the_machines_clock(state: ViewState) -> None:
     wind(state, 2.0)
     assert state.behind("tracked") == 0.0
     assert math.isnan(state.behind("predicted"))
@@ -215,7 +215,7 @@ def test_source_is_as_old_as_the_machines_clock_says(state: ViewState) -> None:
     assert state.behind("tracked") == pytest.approx(2.5)
 
 
-def test_what_is_wound_is_what_the_solver_says(state: ViewState) -> None:
+def test_what_is_wound_is_what_the_solver_reports(state: ViewState) -> None:
     assert state.label is None
     label = WoundLabel.of(Condition(case=9).resolved())
     state.health.note(0.0, [Status(name="cable_fem", values=label.values())])

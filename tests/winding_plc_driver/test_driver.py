@@ -29,7 +29,9 @@ def check_nothing_is_lost_or_doubled(listener: Any, machine: Any) -> None:
     assert all(m.wrench.force.x == written[stamp_ns(m)][2] for m in listener.forces)
 
 
-def test_every_value_arrives_once_with_its_source_timestamp(machine, driver, listener):
+def test_every_value_arrives_once_with_its_source_timestamp(
+    machine: Any, driver: Any, listener: Any
+) -> None:
     plc = machine()
     process = driver(plc.port)
     listener.more(1)
@@ -50,7 +52,9 @@ def test_every_value_arrives_once_with_its_source_timestamp(machine, driver, lis
     assert "Traceback" not in process.stderr.read()
 
 
-def test_a_refusal_of_the_plc_is_the_answer_of_the_service(machine, driver, listener):
+def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
+    machine: Any, driver: Any, listener: Any
+) -> None:
     driver(machine().port)
     listener.more(1)
     assert listener.call("emergency_stop")[0]
@@ -63,14 +67,17 @@ def test_a_refusal_of_the_plc_is_the_answer_of_the_service(machine, driver, list
     assert listener.call("start")[0]
 
 
-def test_a_command_may_be_a_variable(machine, driver, listener):
+def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -> None:
     space = "nsu=urn:winding-machine;s=Machine."
+    variables = {
+        "start": "DriverAlive",
+        "stop": "State",
+        "reset": "DriverAlive",
+        "emergency_stop": "DriverAlive",
+    }
     commands = {
-        name: {"node": f"{space}{node}", "value": 77}
-        for name, node in (
-            *(("start", "DriverAlive"), ("stop", "State")),
-            *(("reset", "DriverAlive"), ("emergency_stop", "DriverAlive")),
-        )
+        command: {"node": f"{space}{variable}", "value": 77}
+        for command, variable in variables.items()
     }
     heartbeat = {"read": f"{space}DriverAlive", "timeout_s": 600.0}
     driver(machine().port, sections={"commands": commands, "heartbeat": heartbeat})
@@ -84,7 +91,9 @@ def test_a_command_may_be_a_variable(machine, driver, listener):
     assert status.values["heartbeat of the PLC"] == "77"
 
 
-def test_losses_and_bad_values_that_the_server_marks_are_counted(machine, driver, listener):
+def test_losses_and_bad_values_that_the_server_marks_are_counted(
+    machine: Any, driver: Any, listener: Any
+) -> None:
     """Good with the overflow bit, and BadSensorFailure, from the server on its own."""
     status = "0x480 if cycle % 10 == 3 else 0x808C0000 if cycle % 10 == 7 else 0"
     marked = {"SourceTimestamp=due)": f"ua.StatusCode({status}), due)"}
@@ -98,14 +107,16 @@ def test_losses_and_bad_values_that_the_server_marks_are_counted(machine, driver
     listener.wait(lambda: any("lost so far" in s.message for s in listener.statuses))
 
 
-def test_a_call_that_hangs_is_given_up(machine, driver, listener):
+def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Any) -> None:
     slow = {"return machine.call(name)": "await asyncio.sleep(600.0 * (name == 'Reset'))"}
     driver(machine(changes=slow).port, call_timeout_s=0.5)
     listener.more(1)
     assert listener.call("reset") == (False, "reset was not answered within 0.5 s")
 
 
-def test_a_cut_link_is_reported_and_the_queue_of_the_server_is_taken(linked, listener):
+def test_a_cut_link_is_reported_and_the_queue_of_the_server_is_taken(
+    linked: Any, listener: Any
+) -> None:
     plc, path = linked(stop_after_link_loss_s=0.0)
     assert listener.call("start")[0]
     listener.more(100)
@@ -122,7 +133,7 @@ def test_a_cut_link_is_reported_and_the_queue_of_the_server_is_taken(linked, lis
     check_nothing_is_lost_or_doubled(listener, plc)
 
 
-def test_a_silent_link_is_lost(linked, listener):
+def test_a_silent_link_is_lost(linked: Any, listener: Any) -> None:
     plc, path = linked(link_timeout_s=3.0)
     listener.more(100)
     path.silence()
@@ -135,7 +146,7 @@ def test_a_silent_link_is_lost(linked, listener):
 
 
 @pytest.mark.parametrize("asked", ["", "quick_stop"])
-def test_a_machine_is_stopped_when_the_link_returns(asked, linked, listener):
+def test_a_machine_is_stopped_when_the_link_returns(asked: str, linked: Any, listener: Any) -> None:
     plc, path = linked(stop_after_link_loss_s=0.0 if asked else 1e-6)
     assert listener.call("start")[0]
     listener.more(100)
@@ -151,7 +162,9 @@ def test_a_machine_is_stopped_when_the_link_returns(asked, linked, listener):
     listener.wait(lambda: listener.joints[-1].position == listener.joints[-2].position)
 
 
-def test_a_server_that_has_forgotten_the_session_gets_a_new_one(machine, linked, listener):
+def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
+    machine: Any, linked: Any, listener: Any
+) -> None:
     _, path = linked()
     listener.more(100)
     path.cut()
@@ -165,7 +178,9 @@ def test_a_server_that_has_forgotten_the_session_gets_a_new_one(machine, linked,
     assert stamps == sorted(set(stamps))
 
 
-def test_a_plc_that_comes_later_is_waited_for(machine, driver, relay, listener):
+def test_a_plc_that_comes_later_is_waited_for(
+    machine: Any, driver: Any, relay: Any, listener: Any
+) -> None:
     path = relay(machine().port)
     path.cut()
     driver(path.port)
@@ -183,7 +198,7 @@ def refusal(process: Any) -> str:
     return sentence
 
 
-def test_a_variable_that_is_not_there_is_one_sentence(machine, driver):
+def test_a_variable_that_is_not_there_is_one_sentence(machine: Any, driver: Any) -> None:
     plc = machine(changes={'("Tension", 0.0)': '("Torque", 0.0)', '"Tension": T': '"Torque": T'})
     assert refusal(driver(plc.port)) == (
         "error: tension cannot be read at nsu=urn:winding-machine;s=Machine.Tension: "
@@ -197,8 +212,8 @@ PASSWORD = ("--user", "winding", "--password", "right")
 @pytest.mark.parametrize("encrypted", [False, True])
 @pytest.mark.asyncio
 async def test_a_wrong_password_is_one_sentence_before_anything_else(
-    encrypted, machine, driver, secured, tmp_path
-):
+    encrypted: bool, machine: Any, driver: Any, secured: Any, tmp_path: Path
+) -> None:
     security, options = await secured() if encrypted else ({}, [])
     plc = machine(*PASSWORD, *options)
     (tmp_path / "password.txt").write_text("wrong\n", encoding="utf-8")
@@ -232,8 +247,13 @@ BY_CERTIFICATE = {"user_certificate": "user.der", "user_private_key": "user.pem"
 @pytest.mark.parametrize("certified", [False, True], ids=["by name", "by certificate"])
 @pytest.mark.asyncio
 async def test_a_user_opens_the_session_and_resumes_it(
-    certified, linked, listener, secured, pair, tmp_path
-):
+    certified: bool,
+    linked: Any,
+    listener: Any,
+    secured: Any,
+    pair: Any,
+    tmp_path: Path,
+) -> None:
     security, options = await secured()
     if certified:
         await pair("user", "urn:winding:user")
@@ -267,8 +287,15 @@ async def test_a_user_opens_the_session_and_resumes_it(
 )
 @pytest.mark.asyncio
 async def test_who_is_not_that_user_is_refused_in_one_sentence(
-    certificate, key, reason, machine, driver, secured, pair, tmp_path
-):
+    certificate: str,
+    key: str,
+    reason: str,
+    machine: Any,
+    driver: Any,
+    secured: Any,
+    pair: Any,
+    tmp_path: Path,
+) -> None:
     security, options = await secured()
     for name in ("user", "other"):
         await pair(name, f"urn:winding:{name}")

@@ -2,6 +2,7 @@
 
 import asyncio
 import time
+from typing import Any
 
 import pytest
 import yaml
@@ -25,7 +26,7 @@ class Nowhere:
 
 
 @pytest.mark.asyncio
-async def test_a_cancellation_is_never_lost(machine, examples):
+async def test_a_cancellation_is_never_lost(machine: Any, examples: Any) -> None:
     """With asyncio.wait_for around the requests, one of the first five was."""
     content = yaml.safe_load((examples / "opcua_machine.yaml").read_text(encoding="utf-8"))
     content["server"]["endpoint"] = f"opc.tcp://127.0.0.1:{machine().port}"

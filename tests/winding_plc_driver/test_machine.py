@@ -38,14 +38,14 @@ def parse(folder: Path, **sections: dict[str, Any]) -> Any:
     return parse_mapping(yaml.safe_dump(content), folder)
 
 
-def test_values_become_si():
+def test_values_become_si() -> None:
     mapping = read_mapping(EXAMPLE)
     assert mapping.variables["angle"].factor == math.pi / 180.0
     assert mapping.axes == ("angle", "carriage", "angular_speed", "feed_speed")
     assert mapping.commands["quick_stop"].method.endswith("QuickStop")
 
 
-def test_every_quantity_of_the_graph_may_be_a_variable(tmp_path):
+def test_every_quantity_of_the_graph_may_be_a_variable(tmp_path: Path) -> None:
     humidity = Quantity(name="humidity", unit="1", sensor="hygrometer", field="relative_humidity")
     content = yaml.safe_load(EXAMPLE.read_text(encoding="utf-8"))
     content["variables"]["humidity"] = {"node": "i=9", "unit": "1", "scale": 0.01}
@@ -56,7 +56,7 @@ def test_every_quantity_of_the_graph_may_be_a_variable(tmp_path):
         parse_mapping(yaml.safe_dump(content), tmp_path)
 
 
-def test_a_plc_without_quick_stop_is_stopped(tmp_path):
+def test_a_plc_without_quick_stop_is_stopped(tmp_path: Path) -> None:
     command = {"node": "ns=3;i=7", "value": 2}
     mapping = parse(tmp_path, commands={"quick_stop": None, "stop": command})
     assert mapping.commands["quick_stop"] == mapping.commands["stop"]
@@ -104,14 +104,16 @@ def test_a_plc_without_quick_stop_is_stopped(tmp_path):
         ("joints", {}, "the file has no parameter joints"),
     ],
 )
-def test_what_cannot_be_used_is_one_sentence(section, changes, sentence, tmp_path):
+def test_what_cannot_be_used_is_one_sentence(
+    section: str, changes: dict[str, Any], sentence: str, tmp_path: Path
+) -> None:
     with pytest.raises(MappingError) as refusal:
         parse(tmp_path, **{section: changes})
     assert sentence in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
 
-def test_a_file_that_is_missing_or_no_yaml_is_named(tmp_path):
+def test_a_file_that_is_missing_or_no_yaml_is_named(tmp_path: Path) -> None:
     file = tmp_path / "machine.yaml"
     with pytest.raises(MappingError, match=r"machine\.yaml cannot be read"):
         read_mapping(file)
@@ -120,7 +122,7 @@ def test_a_file_that_is_missing_or_no_yaml_is_named(tmp_path):
         read_mapping(file)
 
 
-def test_a_password_comes_from_where_the_file_says(tmp_path):
+def test_a_password_comes_from_where_the_mapping_names_it(tmp_path: Path) -> None:
     (tmp_path / "word").write_text("secret\n", encoding="utf-8")
     by_file = parse(tmp_path, server={"user": "me", "password_file": "word"}).server
     assert read_password(by_file, {}) == "secret"
@@ -141,7 +143,7 @@ def values(samples: list[Sample]) -> list[tuple[int, float, float]]:
     return [(s.stamp_ns, s.values["angle"], s.values["carriage"]) for s in samples]
 
 
-def test_values_of_one_timestamp_are_one_sample():
+def test_values_of_one_timestamp_are_one_sample() -> None:
     join = joiner()
     join.add("angle", 10, 1.0, 0.0)
     assert join.take(0.0) == []
@@ -150,7 +152,7 @@ def test_values_of_one_timestamp_are_one_sample():
     assert join.counts.joined == 1
 
 
-def test_a_value_alone_meets_the_other_axis_between_its_neighbours():
+def test_a_value_alone_meets_the_other_axis_between_its_neighbours() -> None:
     join = joiner()
     for ns, position in ((10, 1.0), (30, 3.0)):
         join.add("carriage", ns, position, 0.0)
@@ -160,7 +162,7 @@ def test_a_value_alone_meets_the_other_axis_between_its_neighbours():
     assert join.counts.interpolated == 1
 
 
-def test_an_axis_that_stays_silent_stands():
+def test_an_axis_that_stays_silent_stands() -> None:
     join = joiner()
     join.add("angle", 10, 0.0, 0.0)
     join.add("carriage", 10, 2.0, 0.0)
@@ -174,7 +176,7 @@ def test_an_axis_that_stays_silent_stands():
 
 
 @given(st.lists(st.booleans(), min_size=1, max_size=30), st.integers(1, 5))
-def test_samples_do_not_depend_on_how_notifications_are_cut(order, cut):
+def test_samples_do_not_depend_on_how_notifications_are_cut(order: list[bool], cut: int) -> None:
     """Each axis in its own order; both tell every timestamp."""
     queues = {name: list(range(1, 21)) for name in ("angle", "carriage")}
     join, samples = joiner(), []
@@ -192,14 +194,14 @@ def test_samples_do_not_depend_on_how_notifications_are_cut(order, cut):
     assert values(samples) == [(ns, float(ns), float(ns)) for ns in range(1, 21)]
 
 
-def test_what_comes_as_it_was_measured_is_passed_on_at_once_and_in_order():
+def test_what_comes_as_it_was_measured_is_passed_on_at_once_and_in_order() -> None:
     pacer = Pacer(0.0)
     for ns in (30, 10, 20):
         pacer.add(ns, float(ns))
     assert pacer.take(0.0) == [(10, 10.0), (20, 20.0), (30, 30.0)]
 
 
-def test_a_long_queue_is_passed_on_at_four_times_its_pace():
+def test_a_long_queue_is_passed_on_at_four_times_its_pace() -> None:
     pacer, step = Pacer(0.0), 10_000_000
     for k in range(500):
         pacer.add(k * step, float(k))
@@ -216,7 +218,7 @@ def value(number: object, ns: int | None, **further: bool | str) -> ServerValue:
     return ServerValue(title="angle", value=number, stamp_ns=ns, **further)  # type: ignore[arg-type]
 
 
-def test_a_value_is_taken_once_and_losses_are_counted():
+def test_a_value_is_taken_once_and_losses_are_counted() -> None:
     reader = VariableReader("angle", Variable(node="i=1", unit="deg", scale=-2.0))
     assert reader.read(value(90.0, 10)) == (10, -math.pi)
     assert reader.read(value(90.0, 10)) is None
@@ -232,14 +234,14 @@ def test_a_value_is_taken_once_and_losses_are_counted():
     assert reader.complaint == ""
 
 
-def test_an_angle_that_starts_again_goes_on():
+def test_an_angle_that_starts_again_goes_on() -> None:
     reader = VariableReader("angle", Variable(node="i=1", unit="turn", wraps_at=1.0))
     read = [reader.read(value(raw, 10 * k)) for k, raw in enumerate((0.8, 0.1, 0.9, 0.3), 1)]
     turns = [item[1] / (2.0 * math.pi) for item in read if item is not None]
     assert turns == pytest.approx([0.8, 1.1, 0.9, 1.3])
 
 
-def test_missing_and_repeated_notifications_show():
+def test_missing_and_repeated_notifications_show() -> None:
     numbers = SequenceNumbers()
     assert numbers.take(1)
     assert numbers.missing(2) == []
@@ -252,7 +254,7 @@ def test_missing_and_repeated_notifications_show():
     assert (numbers.gaps, numbers.repeated) == (1, 1)
 
 
-def test_numbers_begin_again_with_one():
+def test_numbers_begin_again_with_one() -> None:
     numbers = SequenceNumbers()
     numbers.skip(2**32 - 2)
     assert numbers.missing(2) == [2**32 - 1, 1]
@@ -274,7 +276,7 @@ def lost_link() -> Link:
     return link
 
 
-def test_attempts_come_ever_slower_and_fast_again_after_a_success():
+def test_attempts_come_ever_slower_and_fast_again_after_a_success() -> None:
     link = Link(SERVER, 0.0)
     assert [link.failed("no route") for _ in range(4)] == [0.5, 1.0, 2.0, 3.0]
     link.established()
@@ -282,7 +284,7 @@ def test_attempts_come_ever_slower_and_fast_again_after_a_success():
     assert link.failed("no route") == 0.5
 
 
-def test_what_is_refused_says_since_when_and_why():
+def test_a_refusal_names_its_reason_and_since_when() -> None:
     link = lost_link()
     assert link.refuse("start", 12.5) == (
         "the link to the PLC at opc.tcp://plc:4840 has been lost for 2.5 s: cable out"
@@ -291,13 +293,13 @@ def test_what_is_refused_says_since_when_and_why():
     assert link.refuse("start", 12.5) == ""
 
 
-def test_a_machine_is_stopped_after_a_long_loss_only():
+def test_a_machine_is_stopped_after_a_long_loss_only() -> None:
     assert lost_link().stop_on_return(11.9) == ""
     assert lost_link().stop_on_return(12.1) == "stop"
     assert Link(SERVER, 0.0).stop_on_return(100.0) == ""
 
 
-def test_the_strongest_stop_is_owed_and_paid_once():
+def test_the_strongest_stop_is_owed_and_paid_once() -> None:
     link = lost_link()
     for command in ("emergency_stop", "start", "stop"):
         link.refuse(command, 10.5)
@@ -309,7 +311,7 @@ def test_the_strongest_stop_is_owed_and_paid_once():
     assert link.stop_on_return(20.1) == ""
 
 
-def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed():
+def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed() -> None:
     link = lost_link()
     assert link.stop_on_return(13.0) == "stop"
     link.refuse("quick_stop", 13.1)
@@ -317,7 +319,7 @@ def test_a_stop_that_is_asked_for_while_a_weaker_one_is_given_is_owed():
     assert link.stop_on_return(13.2) == "quick_stop"
 
 
-def test_a_program_that_stands_is_said():
+def test_a_plc_program_that_stands_is_reported() -> None:
     watch = HeartbeatWatch(Heartbeat(read="i=1", timeout_s=1.0))
     watch.restart(0.0)
     assert watch.complaint(0.9) == ""
@@ -329,7 +331,7 @@ def test_a_program_that_stands_is_said():
     assert HeartbeatWatch(Heartbeat()).complaint(1e6) == ""
 
 
-def test_the_drivers_counter_fits_a_small_integer():
+def test_the_drivers_counter_fits_a_small_integer() -> None:
     watch = HeartbeatWatch(Heartbeat())
     counts = [watch.advance() for _ in range(2**15 + 1)]
     assert (counts[0], max(counts), counts[-1]) == (1, 2**15 - 1, 1)

@@ -53,6 +53,7 @@ def test_nothing_was_lost_and_every_checksum_holds(bag: Path) -> None:
 def test_the_correction_s_answers_come_again_byte_for_byte(bag: Path) -> None:
     result = replay(bag, "correction")
     assert result.agrees
+    assert result.comparisons
     assert all(c.identical == c.compared > 0 for c in result.comparisons)
 
 
@@ -61,6 +62,7 @@ def test_the_solver_s_answers_come_again(bag: Path) -> None:
     # be used late in the run and in time in the replay.
     result = replay(bag, "fem")
     assert result.agrees, result.comparisons
+    assert result.comparisons
     assert all(c.compared > 0 for c in result.comparisons)
 
 
@@ -97,7 +99,9 @@ def test_damage_ends_the_check_with_exit_code_one(
     file.write_bytes(content)
     checked = command("bag", "check", harmed, cwd=tmp_path)
     assert checked.returncode == 1
-    assert all(line.startswith("found: ") for line in checked.stdout.splitlines())
+    found = checked.stdout.splitlines()
+    assert found
+    assert all(line.startswith("found: ") for line in found)
     recovered = command("bag", "recover", harmed, tmp_path / "out", cwd=tmp_path)
     assert recovered.returncode == 0, recovered.stderr
     assert "lost: " in recovered.stdout
@@ -173,6 +177,7 @@ def test_metadata_is_rosbag2_version_nine(bag: Path) -> None:
         for item in information["topics_with_message_count"]
     }
     assert set(counts) == set(RECORDED)
+    assert {name for name, count in counts.items() if count == 0} == SILENT
 
 
 def test_latched_topics_are_offered_as_transient_local(bag: Path) -> None:

@@ -129,7 +129,7 @@ def test_a_full_disk_ends_the_bag_and_not_the_run(ros: Any, small_disk: Path) ->
     assert 1000 < verdict.messages < len(buffered)
 
 
-def test_a_recording_that_cannot_begin_says_why(ros: Any, tmp_path: Path) -> None:
+def test_a_recording_that_cannot_begin_gives_the_reason(ros: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(RecorderError, match="cannot record into"):
         Recorder(ros.plain("host"), tmp_path / "file" / "bag", recorded=[topics.JOINT_STATES])
@@ -221,8 +221,10 @@ def test_bag_holds_what_came_between_on_and_off(desk: Desk, tmp_path: Path) -> N
     assert read_notes(tmp_path / "bag")[COMPLETE] == YES
     # The prediction was published before, once, and holds all the same.
     assert counts(tmp_path / "bag") == {
-        "rig/joint_states": 200, "fem/prediction": 1, "camera/image_raw": 0,
-    }  # fmt: skip
+        "rig/joint_states": 200,
+        "fem/prediction": 1,
+        "camera/image_raw": 0,
+    }
 
 
 def test_pictures_are_taken_only_while_a_bag_is_recorded(desk: Desk, tmp_path: Path) -> None:

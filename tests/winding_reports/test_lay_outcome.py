@@ -70,7 +70,7 @@ def watched() -> LayOutcome:
 
 
 @pytest.mark.slow
-def test_what_is_said_of_no_control_is_what_is_laid_without(watched: LayOutcome) -> None:
+def test_the_estimate_without_control_is_what_is_laid_without(watched: LayOutcome) -> None:
     assert watched.turns
     without = {turn.number: turn.mean for turn in watched.without_turns}
     for turn in watched.turns:
@@ -80,7 +80,7 @@ def test_what_is_said_of_no_control_is_what_is_laid_without(watched: LayOutcome)
 
 
 @pytest.mark.slow
-def test_driven_lay_is_judged_and_an_open_loop_is_told(
+def test_driven_lay_is_judged_and_an_open_loop_is_reported(
     driven: LayOutcome, watched: LayOutcome
 ) -> None:
     assert driven.verdict.kept is True

@@ -155,6 +155,7 @@ def test_text_from_outside_cannot_become_markup(synthetic) -> None:
     )
     page = ReportPage(render_report(record))
     assert "script" not in page.tags
+    assert page.sources
     assert all(source.startswith("data:") for source in page.sources)
 
 
@@ -217,14 +218,10 @@ def test_axe_finds_nothing_grave(synthetic, tmp_path, width: int) -> None:
         assert grave_findings(shown) == []
 
 
-def _refuse_constant(name: str) -> None:
-    raise AssertionError(f"{name} is not JSON")
-
-
 def test_the_file_holds_exactly_the_agreed_keys(synthetic, tmp_path) -> None:
     path = tmp_path / "new" / "run.json"
     write_run_json(synthetic(), path)
-    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail)
     assert set(read) == set(SCHEMA["required"])
     assert read["case"] == 4
     assert [marker["id"] for marker in read["markers"]] == [1, 2, 3, 4]
@@ -248,7 +245,7 @@ def test_what_was_not_measured_is_null(synthetic, tmp_path) -> None:
     )
     path = tmp_path / "run.json"
     write_run_json(record, path)
-    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    read = json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail)
     assert read["markers"][0].pop("id") == 1
     assert read["markers"][0].pop("original_m") == 0.1
     assert set(read["markers"][0].values()) == {None}
@@ -261,7 +258,9 @@ def test_an_error_needs_a_length_to_divide_by() -> None:
 
 def test_numbers_of_numpy_are_written_too(synthetic) -> None:
     row = MarkerRow(id=1, original=0.1, s_fem=np.float64(0.11), h=np.float32(0.5))
-    json.dumps(run_json(dataclasses.replace(synthetic(), rows=(row,))))
+    text = json.dumps(run_json(dataclasses.replace(synthetic(), rows=(row,))))
+    (marker,) = json.loads(text)["markers"]
+    assert (marker["s_fem_m"], marker["h"]) == (0.11, 0.5)
 
 
 def test_a_series_gives_one_markers_rows() -> None:

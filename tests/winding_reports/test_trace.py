@@ -109,7 +109,7 @@ def test_a_frame_that_waited_for_the_encoder_is_measured_when_the_sample_comes()
     assert found["tracker: measure"] == 0.5 * HOP
 
 
-def test_a_driver_that_stamps_by_the_clock_says_when_it_exposed() -> None:
+def test_a_driver_that_stamps_by_the_clock_gives_the_exposure_time() -> None:
     noted = records(lengths=1)
     rig = noted["station"] == Station.RIG
     noted["stamp"] = BEGIN - 4 * HOP
@@ -153,6 +153,7 @@ def test_the_file_is_one_that_viewers_of_trace_events_read(tmp_path: Path) -> No
     for way in ("camera", "prediction"):
         for number in range(3):
             own = [e for e in events if e.get("cat") == way and e["id"] == number]
+            assert own
             begun = [e["name"] for e in own if e["ph"] == "b"]
             assert sorted(begun) == sorted(e["name"] for e in own if e["ph"] == "e")
             hops = [e for e in own if e["name"] != "corrected length"]

@@ -35,7 +35,9 @@ def run(rig: Machine, seconds: float = math.inf) -> None:
 
 
 # A sine of the carriage: amplitude [m], frequency [Hz], and what it may be missed by [m].
-AMPLITUDE, FREQUENCY, MISSED = 20.0e-3, 0.5, 0.5e-3
+AMPLITUDE = 20.0e-3
+FREQUENCY = 0.5
+MISSED = 0.5e-3
 OMEGA = 2.0 * math.pi * FREQUENCY
 
 

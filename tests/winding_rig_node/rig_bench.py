@@ -3,7 +3,6 @@
 from typing import Any
 
 from rclpy.lifecycle import TransitionCallbackReturn
-from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from winding_rig_node.node import RigNode
@@ -13,8 +12,7 @@ from winding_ros.messages.stamps import serialised_stamp_ns
 
 def rig_node(ros: Any, **parameters: object) -> RigNode:
     """Return the node of a rig as it was made."""
-    overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-    node: RigNode = ros.add(RigNode, parameter_overrides=overrides)
+    node: RigNode = ros.add(RigNode, parameters=parameters)
     return node
 
 

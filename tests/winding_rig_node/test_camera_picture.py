@@ -1,7 +1,9 @@
 """What the simulated camera shows, against geometry and an independent renderer."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -33,7 +35,7 @@ STRIP = replace(FINE, window=replace(REACHED, x_offset=320, width=80))
 FLAT = Light(ambient=1.0, highlight=0.0, falloff=0.0)
 
 
-def scene(angle=6.4, radius=0.015, cable=0.002, **changes):
+def scene(angle: float = 6.4, radius: float = 0.015, cable: float = 0.002, **changes: Any) -> Scene:
     law = FleetAngleLaw(advance_per_radian=2.87e-3, free_length=0.198, radius=radius + cable)
     theta = np.linspace(0.0, 40.0, 1001)
     made = Scene(
@@ -48,28 +50,43 @@ def scene(angle=6.4, radius=0.015, cable=0.002, **changes):
     return replace(made, **changes)
 
 
-def picture(config, made, seed=0, surroundings=None):
+def picture(
+    config: CameraConfig, made: Scene, seed: int = 0, surroundings: Surroundings | None = None
+) -> np.ndarray:
     return Renderer(config, surroundings).render(made, np.random.default_rng(seed))
 
 
-def yellow(frame):
+def yellow(frame: np.ndarray) -> np.ndarray:
     hsv = cv2.cvtColor(frame, cv2.COLOR_BGR2HSV)
     return cv2.inRange(hsv, (18, 110, 30), (38, 255, 255)) > 0
 
 
-def centroid(mask):
+def centroid(mask: np.ndarray) -> np.ndarray:
     rows, columns = np.nonzero(mask)
     return np.array([columns.mean(), rows.mean()])
 
 
-def test_resolution_is_that_of_the_paper_at_the_cylinder():
+def test_default_calibration_is_that_of_the_designed_camera() -> None:
+    info = CameraConfig().calibration()
+    # docs/vision.md: 12.5 px/mm on a sensor of 1920 x 1080, from 392 mm before the cable.
+    assert (info.width, info.height) == (1920, 1080)
+    assert info.k[0, 0] == info.k[1, 1] == 12.5 * 392.0
+    # Made up, of the size that lenses have: a principal point off the middle and a barrel.
+    assert info.k[:2, 2].tolist() == [960.0 + 3.2, 540.0 - 3.4]
+    assert info.distortion_model == "plumb_bob"
+    assert info.d.tolist() == [-0.12, 0.05, 4.0e-4, -3.0e-4, 0.0]
+    # docs/vision.md: the live window, 1920 x 288 about the cylinder's axis, binned by 3.
+    assert (info.roi, info.binning) == ((0, 393, 1920, 288), 3)
+
+
+def test_resolution_is_that_of_the_paper_at_the_cylinder() -> None:
     ends = np.array([[0.03, 0.0, 0.045], [0.03, 0.0, 0.055]])
     pixels = project_points(CameraConfig().full_frame(), ends)
     # 12.5 px/mm as designed; 2 % is the change of distance over the cylinder radii.
     assert np.linalg.norm(pixels[1] - pixels[0]) / 10.0 == pytest.approx(12.5, rel=0.03)
 
 
-def test_window_shows_the_whole_winding_range():
+def test_window_shows_the_whole_winding_range() -> None:
     config = CameraConfig()
     rows, columns = config.window.shape
     assert (rows, columns) == (96, 640)
@@ -78,7 +95,7 @@ def test_window_shows_the_whole_winding_range():
     assert (pixels[:, 0] < columns - 1).all()
 
 
-def test_image_right_is_feed_and_image_down_is_rotation():
+def test_image_right_is_feed_and_image_down_is_rotation() -> None:
     config = CameraConfig()
     pixels = project_points(
         config, np.array([[0.017, 0.0, 0.05], [0.017, 0.0, 0.06], [0.016, 0.003, 0.05]])
@@ -87,7 +104,7 @@ def test_image_right_is_feed_and_image_down_is_rotation():
     assert pixels[2, 1] > pixels[0, 1]
 
 
-def test_binned_window_and_full_frame_see_the_same_point():
+def test_binned_window_and_full_frame_see_the_same_point() -> None:
     config = CameraConfig()
     point = np.array([[0.0165, 0.004, 0.031]])
     binned = project_points(config, point)[0]
@@ -97,7 +114,7 @@ def test_binned_window_and_full_frame_see_the_same_point():
     np.testing.assert_allclose(back, full, atol=1e-9)  # the same arithmetic twice
 
 
-def test_rays_invert_the_distortion():
+def test_rays_invert_the_distortion() -> None:
     config = replace(CameraConfig(), distortion=(-0.35, 0.12, 1e-3, -8e-4, 0.0), supersampling=1)
     rays = sample_rays(config, 0, 96)
     points = np.array(config.position) + 0.4 * rays[::31, ::97].reshape(-1, 3)
@@ -107,13 +124,13 @@ def test_rays_invert_the_distortion():
     np.testing.assert_allclose(pixels[:, 1], rows.ravel(), atol=1e-6)
 
 
-def test_a_distortion_that_folds_the_picture_is_refused():
+def test_a_distortion_that_folds_the_picture_is_refused() -> None:
     config = replace(CameraConfig().full_frame(), distortion=(-40.0, 0.0, 0.0, 0.0, 0.0))
     with pytest.raises(ValueError, match="cannot be inverted"):
         sample_rays(replace(config, supersampling=1), 0, 8)
 
 
-def test_projection_agrees_with_opencv():
+def test_projection_agrees_with_opencv() -> None:
     config = CameraConfig().full_frame()
     points = np.array([[0.015, 0.0, 0.05], [0.0175, 0.03, -0.02], [0.01, -0.025, 0.115]])
     info = config.calibration()
@@ -129,7 +146,7 @@ def test_projection_agrees_with_opencv():
 
 
 @pytest.mark.slow
-def test_visible_bands_agree_with_an_independent_polygon_renderer():
+def test_visible_bands_agree_with_an_independent_polygon_renderer() -> None:
     # No band below leaves these rows.
     window = replace(REACHED, y_offset=400, height=320, binning=2)
     config = replace(FINE, window=window, light=FLAT, supersampling=4, tilt=(3e-3, -5e-3, 4e-3))
@@ -145,7 +162,7 @@ def test_visible_bands_agree_with_an_independent_polygon_renderer():
 
 
 @pytest.mark.slow
-def test_ground_truth_is_the_centroid_of_the_picture():
+def test_ground_truth_is_the_centroid_of_the_picture() -> None:
     config = replace(FINE, light=FLAT)
     made = scene(0.3)
     renderer = Renderer(config)
@@ -157,14 +174,14 @@ def test_ground_truth_is_the_centroid_of_the_picture():
 
 
 @pytest.mark.slow
-def test_the_visible_centroid_is_not_the_centre_line():
+def test_the_visible_centroid_is_not_the_centre_line() -> None:
     band = Renderer(FINE).visible_bands(scene(0.6))[0]
     off = band["centroid"] - band["centre"]
     assert 5.0 < off[1] < 25.0  # 0.6 r sin(0.6) is 0.7 mm, 8 px
 
 
 @pytest.mark.slow
-def test_a_band_moves_down_the_free_span_by_the_cylinder_way():
+def test_a_band_moves_down_the_free_span_by_the_cylinder_way() -> None:
     renderer = Renderer(FINE)
     late = np.array([6.5])
     before = renderer.visible_bands(scene(6.1, marker_theta=late))[0]["centre"]
@@ -173,20 +190,20 @@ def test_a_band_moves_down_the_free_span_by_the_cylinder_way():
     assert after[1] - before[1] == pytest.approx(way, rel=0.01)
 
 
-def test_the_far_side_is_hidden_and_an_unknown_marker_is_not_drawn():
+def test_the_far_side_is_hidden_and_an_unknown_marker_is_not_drawn() -> None:
     made = scene(math.pi, marker_theta=np.array([0.0, np.nan]))
     bands = Renderer(CameraConfig().full_frame(2)).visible_bands(made)
     assert (bands["area"] == 0.0).all()
     assert np.isnan(bands["centre"][1]).all()
 
 
-def test_same_seed_same_frame():
+def test_same_seed_same_frame() -> None:
     made = scene()
     assert (picture(CameraConfig(), made, 5) == picture(CameraConfig(), made, 5)).all()
     assert (picture(CameraConfig(), made, 5) != picture(CameraConfig(), made, 6)).any()
 
 
-def test_noise_has_the_configured_deviation():
+def test_noise_has_the_configured_deviation() -> None:
     config = replace(CameraConfig(), noise=SensorNoise(read=8.0, shot=0.0))
     still = picture(replace(config, noise=QUIET), scene()).astype(float)
     noisy = picture(config, scene()).astype(float)
@@ -194,13 +211,13 @@ def test_noise_has_the_configured_deviation():
     assert (noisy - still).std() == pytest.approx(math.hypot(8.0, math.sqrt(2 / 12)), rel=0.02)
 
 
-def test_light_scales_grey_levels():
+def test_light_scales_grey_levels() -> None:
     dark = picture(replace(CameraConfig(), noise=QUIET, light=Light(gain=0.5)), scene())
     full = picture(STILL, scene())
     np.testing.assert_allclose(dark, 0.5 * full, atol=1.0)  # rounding of both
 
 
-def test_flicker_changes_light_from_frame_to_frame():
+def test_flicker_changes_light_from_frame_to_frame() -> None:
     renderer = Renderer(replace(CameraConfig(), light=Light(flicker=0.5), noise=QUIET))
     rng = np.random.default_rng(3)
     means = [renderer.render(scene(), rng).mean() for _ in range(20)]
@@ -208,7 +225,7 @@ def test_flicker_changes_light_from_frame_to_frame():
 
 
 @pytest.mark.slow
-def test_motion_blur_smears_along_the_motion():
+def test_motion_blur_smears_along_the_motion() -> None:
     made = scene(0.2, cylinder_speed=1.74)
     blurred = replace(STRIP, exposure=0.02, exposure_samples=9)
     # Way of the surface during the exposure, in pixels.
@@ -221,7 +238,7 @@ def test_motion_blur_smears_along_the_motion():
     assert edge[1] < 0.5 * edge[0]
 
 
-def test_defocus_softens_edges():
+def test_defocus_softens_edges() -> None:
     edge = [
         np.abs(np.diff(picture(config, scene()).astype(float), axis=1)).max()
         for config in (STILL, replace(STILL, defocus=3.0))
@@ -229,7 +246,7 @@ def test_defocus_softens_edges():
     assert edge[1] < 0.4 * edge[0]
 
 
-def test_bayer_keeps_flat_regions_and_colours_edges():
+def test_bayer_keeps_flat_regions_and_colours_edges() -> None:
     plain, filtered = (
         picture(STILL, scene(0.2)).astype(float),
         picture(replace(STILL, bayer=True), scene(0.2)).astype(float),
@@ -241,7 +258,7 @@ def test_bayer_keeps_flat_regions_and_colours_edges():
     )
 
 
-def test_a_rod_hides_the_cable_and_a_decoy_does_not():
+def test_a_rod_hides_the_cable_and_a_decoy_does_not() -> None:
     spot = {"column": 960.0, "row": 536.0, "width": 1920.0, "height": 60.0}
     rod = Surroundings(patches=(Patch(**spot, colour=(40, 40, 40), in_front=True),))
     decoy = Surroundings(patches=(Patch(**spot, colour=(20, 200, 240)),))
@@ -253,7 +270,7 @@ def test_a_rod_hides_the_cable_and_a_decoy_does_not():
     assert yellow(behind)[:, 100:140].sum() == yellow(picture(STILL, made))[:, 100:140].sum()
 
 
-def test_a_photograph_fills_the_backdrop_only():
+def test_a_photograph_fills_the_backdrop_only() -> None:
     photo = np.random.default_rng(1).integers(0, 255, (50, 80, 3)).astype(np.uint8)
     config = replace(CameraConfig().full_frame(3), noise=QUIET)
     plain = picture(config, scene())
@@ -263,7 +280,7 @@ def test_a_photograph_fills_the_backdrop_only():
     assert changed[175:185, 100:500].mean() == 0.0
 
 
-def test_preview_is_a_jpeg_of_the_frame():
+def test_preview_is_a_jpeg_of_the_frame() -> None:
     frame = picture(CameraConfig(), scene())
     data = encode_jpeg(frame, quality=90, shrink=2)
     back = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
@@ -293,6 +310,6 @@ IMPOSSIBLE = [
 
 
 @pytest.mark.parametrize(("make", "message"), IMPOSSIBLE)
-def test_impossible_descriptions_are_refused(make, message):
+def test_impossible_descriptions_are_refused(make: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()

@@ -118,7 +118,9 @@ def bench(ros: Any, tmp_path: Path) -> Iterator[Bench]:
         ("sine by speed", 100.0, from_rest),
     ],
 )
-def test_a_sine_from_another_process_is_followed(bench, course, rate, meant):
+def test_a_sine_from_another_process_is_followed(
+    bench: Bench, course: str, rate: float, meant: Callable[[float], float]
+) -> None:
     bench.wind(speed=0.0, pace_topics=topics.FEM_MARKERS.name, max_lead=1.0 / rate + MILLISECOND)
     bench.command(course, rate)
     bench.ros.spin_until(lambda: bench.samples and bench.samples[-1][0] >= END, 500.0)
@@ -128,7 +130,7 @@ def test_a_sine_from_another_process_is_followed(bench, course, rate, meant):
     assert max(errors) < MISSED
 
 
-def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench, tmp_path):
+def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench: Bench, tmp_path: Path) -> None:
     frames: deque[Any] = deque(maxlen=1)
     topics.IMAGE.subscribe(bench.node, frames.append)
     truth = tmp_path / "truth.json"
@@ -147,7 +149,8 @@ def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench, tmp_path):
     bench.ros.spin_until(truth.exists)
     record = json.loads(truth.read_text())
     markers = record["markers"]
-    angle, theta, z = record["wound_angle"], markers["theta"][1], markers["z"][1]
+    angle = record["wound_angle"]
+    theta, z = markers["theta"][1], markers["z"][1]
     case = paper_case(4)
     law = FleetAngleLaw(
         advance_per_radian=DriveProfile().advance_per_radian,
@@ -172,7 +175,7 @@ def test_a_commanded_carriage_moves_the_lay_in_the_picture(bench, tmp_path):
     assert columns[near].mean() == pytest.approx(column, abs=2.0)
 
 
-def test_a_commander_that_is_killed_leaves_a_machine_at_rest(bench):
+def test_a_commander_that_is_killed_leaves_a_machine_at_rest(bench: Bench) -> None:
     bench.wind()
     commander = bench.command("steady speed")
     bench.ros.spin_until(lambda: bench.samples and bench.samples[-1][2][1] > 0.015)

@@ -66,7 +66,9 @@ def missed(
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", [50, 100])
 @pytest.mark.parametrize(("send", "meant"), [(by_position, sine), (by_speed, from_rest)])
-def test_streamed_sine_is_followed(rate, send, meant):
+def test_streamed_sine_is_followed(
+    rate: int, send: Target, meant: Callable[[float], float]
+) -> None:
     rig = winding()
     assert missed(rig, meant, 30_000, send, lambda count: count % (1000 // rate) == 0) < MISSED
     assert rig.state.phase is Phase.WINDING
@@ -74,7 +76,7 @@ def test_streamed_sine_is_followed(rate, send, meant):
 
 @pytest.mark.campaign
 @pytest.mark.slow
-def test_a_missing_sample_does_not_tear_a_stream():
+def test_a_missing_sample_does_not_tear_a_stream() -> None:
     def due(count: int) -> bool:
         # One of ten is lost.
         return count % 20 == 0 and count % 200 != 100
@@ -85,7 +87,7 @@ def test_a_missing_sample_does_not_tear_a_stream():
 @pytest.mark.campaign
 @pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.1], ids=["lines", "cubics"])
-def test_sine_as_a_trajectory_is_followed(step):
+def test_sine_as_a_trajectory_is_followed(step: float) -> None:
     rig = winding()
     origin, times = carriage(rig), np.arange(step, 30.0 + step / 2.0, step)
     rows = np.array([times, origin + AMPLITUDE * (1.0 - np.cos(OMEGA * times))]).T
@@ -98,7 +100,7 @@ def test_sine_as_a_trajectory_is_followed(step):
     assert rig.state.phase is Phase.WINDING
 
 
-def test_the_axis_that_is_not_commanded_stays_on_its_programme():
+def test_the_axis_that_is_not_commanded_stays_on_its_programme() -> None:
     free, led = winding(), winding()
     led.command(guide(speed=0.0))
     for rig in (free, led):
@@ -107,7 +109,7 @@ def test_the_axis_that_is_not_commanded_stays_on_its_programme():
     assert carriage(led) < carriage(free) - 0.02
 
 
-def test_a_step_of_speed_is_limited_to_the_acceleration_of_the_axis():
+def test_a_step_of_speed_is_limited_to_the_acceleration_of_the_axis() -> None:
     rig = winding()
     speeds = []
     rig.command(guide(speed=CARRIAGE_LIMITS.speed))
@@ -120,7 +122,7 @@ def test_a_step_of_speed_is_limited_to_the_acceleration_of_the_axis():
     assert speeds[-1] == pytest.approx(CARRIAGE_LIMITS.speed, rel=0.01)
 
 
-def test_a_new_trajectory_replaces_the_old_one():
+def test_a_new_trajectory_replaces_the_old_one() -> None:
     rig = winding()
     rig.command(course((2.0, 0.1)))
     run(rig, 0.5)
@@ -140,7 +142,7 @@ def refused(rig: Machine, command: Command) -> str:
     return str(caught.value)
 
 
-def test_a_refused_command_leaves_every_number_as_it_was():
+def test_a_refused_command_leaves_every_number_as_it_was() -> None:
     rigs = winding(), winding()
     refused(rigs[0], targets(carriage=AxisTarget(position=2.0), cylinder=AxisTarget(speed=1.0)))
     for rig in rigs:
@@ -149,7 +151,8 @@ def test_a_refused_command_leaves_every_number_as_it_was():
     assert rigs[0].state.tension == rigs[1].state.tension
 
 
-STAYS, ENDS = "the carriage trajectory must stay within", "the carriage trajectory must end"
+STAYS = "the carriage trajectory must stay within"
+ENDS = "the carriage trajectory must end"
 LATE = "a command must be stamped within 0.5 s of the machine's time, 1.000 s, it is of 12.000 s"
 CUBIC = course((0.5, 0.02, 0.0), (0.6, 0.025, 0.05), (2.0, 0.03, 0.0))
 REFUSED = [
@@ -171,11 +174,13 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("command", "sentence"), REFUSED)
-def test_what_is_out_of_bounds_is_refused_with_value_and_limit(command, sentence):
+def test_what_is_out_of_bounds_is_refused_with_value_and_limit(
+    command: Command, sentence: str
+) -> None:
     assert refused(winding(), command) == sentence
 
 
-def test_a_cubic_that_overshoots_the_travel_is_refused():
+def test_a_cubic_that_overshoots_the_travel_is_refused() -> None:
     rig = winding()
     # Both ends lie within; the way on from -0.09 m at -0.05 m/s does not.
     assert refused(rig, course((4.0, -0.09, -0.05), (8.0, -0.09, 0.0))).startswith(
@@ -192,14 +197,14 @@ PHASES: dict[str, Callable[[Machine], object]] = {
 
 
 @pytest.mark.parametrize("phase", PHASES)
-def test_only_a_machine_that_winds_takes_commands(phase):
+def test_only_a_machine_that_winds_takes_commands(phase: str) -> None:
     rig = machine() if phase == "idle" else winding()
     PHASES[phase](rig)
     sentence = f"commands are taken while the machine winds, it is in {phase}"
     assert refused(rig, guide(speed=0.01)) == sentence
 
 
-def test_a_stream_that_stops_in_motion_stops_both_axes():
+def test_a_stream_that_stops_in_motion_stops_both_axes() -> None:
     rig = winding()
     rig.command(guide(speed=0.05))
     run(rig, 0.45)
@@ -212,7 +217,7 @@ def test_a_stream_that_stops_in_motion_stops_both_axes():
     assert rig.state.cylinder.motor.speed == rig.state.carriage.motor.speed == 0.0
 
 
-def test_a_way_that_nobody_attends_is_not_gone_to_its_end():
+def test_a_way_that_nobody_attends_is_not_gone_to_its_end() -> None:
     rig = winding()
     rig.command(guide(position=0.3))
     run(rig, 3.0)
@@ -220,13 +225,16 @@ def test_a_way_that_nobody_attends_is_not_gone_to_its_end():
     assert carriage(rig) < 0.1
 
 
-@pytest.mark.parametrize("command", [
-    guide(position=0.01),
-    guide(speed=0.0),
-    course((2.0, 0.05)),
-    JointTrajectory(t=0.0, axes={"carriage": (), "cylinder": ()}),
-])  # fmt: skip
-def test_what_is_reached_stands_or_ends_by_itself_needs_no_stream(command):
+@pytest.mark.parametrize(
+    "command",
+    [
+        guide(position=0.01),
+        guide(speed=0.0),
+        course((2.0, 0.05)),
+        JointTrajectory(t=0.0, axes={"carriage": (), "cylinder": ()}),
+    ],
+)
+def test_what_is_reached_stands_or_ends_by_itself_needs_no_stream(command: Command) -> None:
     rig = winding()
     rig.command(command)
     run(rig, 4.0)
@@ -239,7 +247,7 @@ def test_what_is_reached_stands_or_ends_by_itself_needs_no_stream(command):
     assert carriage(rig) == pytest.approx(where, abs=2.0e-6)
 
 
-def test_a_speed_towards_the_end_of_the_travel_stops_before_it():
+def test_a_speed_towards_the_end_of_the_travel_stops_before_it() -> None:
     rig = winding()
     while rig.state.phase is Phase.WINDING:
         if rig.state.drive_sample % 20 == 0:
@@ -250,7 +258,7 @@ def test_a_speed_towards_the_end_of_the_travel_stops_before_it():
     assert CARRIAGE_LIMITS.low <= carriage(rig) < CARRIAGE_LIMITS.low + 5.0e-3
 
 
-def test_start_gives_the_axes_back_to_the_programme():
+def test_start_gives_the_axes_back_to_the_programme() -> None:
     rig = winding()
     rig.command(guide(position=0.02))
     run(rig, 1.0)
@@ -264,7 +272,7 @@ def test_start_gives_the_axes_back_to_the_programme():
     assert "carriage" not in rig.commander.axes
 
 
-def test_start_waits_until_commanded_axes_stand():
+def test_start_waits_until_commanded_axes_stand() -> None:
     rig = winding()
     rig.command(guide(speed=0.05))
     run(rig, 0.3)
@@ -274,7 +282,9 @@ def test_start_waits_until_commanded_axes_stand():
 
 
 @pytest.mark.parametrize("stop", [Machine.quick_stop, Machine.emergency_stop])
-def test_a_hurried_stop_brings_commanded_axes_to_rest_as_well(stop):
+def test_a_hurried_stop_brings_commanded_axes_to_rest_as_well(
+    stop: Callable[[Machine], object],
+) -> None:
     rig = winding()
     rig.command(targets(carriage=AxisTarget(speed=0.08), cylinder=AxisTarget(speed=4.0)))
     run(rig, 0.45)
@@ -286,7 +296,7 @@ def test_a_hurried_stop_brings_commanded_axes_to_rest_as_well(stop):
     assert rig.state.stood_at - began < 0.35
 
 
-def test_the_brake_follows_a_tension_command_with_its_lag():
+def test_the_brake_follows_a_tension_command_with_its_lag() -> None:
     rig = winding()
     rig.command(TensionCommand(t=0.0, force=4.0))
     weight = rig.config.case.weight
@@ -299,7 +309,7 @@ def test_the_brake_follows_a_tension_command_with_its_lag():
     assert rig.state.phase is Phase.WINDING
 
 
-def test_reset_puts_the_dead_weight_back():
+def test_reset_puts_the_dead_weight_back() -> None:
     rig = winding()
     rig.command(TensionCommand(t=0.0, force=4.0))
     rig.stop()

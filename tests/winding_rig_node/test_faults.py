@@ -44,15 +44,15 @@ PASSED = {
 
 
 @pytest.mark.parametrize(("kind", "amount"), PASSED)
-def test_each_kind_passes_what_it_states(kind, amount):
+def test_each_kind_passes_what_it_states(kind: FaultKind, amount: float) -> None:
     assert through(kind, amount) == PASSED[kind, amount]
 
 
-def test_garbage_is_never_a_number():
+def test_garbage_is_never_a_number() -> None:
     assert not np.isfinite([value for _, value in through(FaultKind.GARBAGE)]).any()
 
 
-def test_garbage_of_pixels_is_other_pixels():
+def test_garbage_of_pixels_is_other_pixels() -> None:
     frame = np.full((40, 50, 3), 7, dtype=np.uint8)
     (delivered,) = channel(FaultKind.GARBAGE).deliver(0.0, frame)
     assert delivered.values.dtype == np.uint8
@@ -61,25 +61,25 @@ def test_garbage_of_pixels_is_other_pixels():
     assert delivered.values.mean() == pytest.approx(127.5, abs=4.8)
 
 
-def test_wrong_clips_pixels():
+def test_wrong_clips_pixels() -> None:
     (delivered,) = channel(FaultKind.WRONG, 2.0).deliver(0.0, np.array([100, 200], dtype=np.uint8))
     assert delivered.values.tolist() == [200, 255]
 
 
-def test_intermittent_loses_its_share():
+def test_intermittent_loses_its_share() -> None:
     count = 5000
     kept = len(through(FaultKind.INTERMITTENT, 0.2, count))
     # Five standard deviations of a binomial draw.
     assert kept / count == pytest.approx(0.8, abs=5.0 * (0.2 * 0.8 / count) ** 0.5)
 
 
-def test_healthy_signal_passes_untouched():
+def test_healthy_signal_passes_untouched() -> None:
     faults = Faults(parse_faults("camera:off", TARGETS))
     assert faults.through("load_cell", 0.0, 4.2) == 4.2
     assert faults.through("camera", 0.0, 4.2) is None
 
 
-def test_text_states_faults_with_their_usual_amounts():
+def test_text_states_faults_with_their_usual_amounts() -> None:
     assert parse_faults("", TARGETS) == ()
     assert parse_faults("load_cell:stuck, camera:intermittent", TARGETS) == (
         Fault(target="load_cell", kind=FaultKind.STUCK),
@@ -100,14 +100,14 @@ NO_FAULTS = {
 
 
 @pytest.mark.parametrize("text", NO_FAULTS)
-def test_text_that_states_no_fault_is_refused(text):
+def test_text_that_states_no_fault_is_refused(text: str) -> None:
     with pytest.raises(FaultError) as refusal:
         parse_faults(text, TARGETS)
     assert NO_FAULTS[text] in str(refusal.value)
 
 
 @pytest.mark.parametrize("target", ["camera", "camera/image_raw", "camera/camera_info"])
-def test_no_fault_of_a_camera_that_runs_elsewhere(target):
+def test_no_fault_of_a_camera_that_runs_elsewhere(target: str) -> None:
     text = f"load_cell:off,{target}:off"
     assert enabled_faults(text, enabled=True, seed=0).of(target) is not None
     with pytest.raises(FaultError, match=f"another process: no fault of {target}"):

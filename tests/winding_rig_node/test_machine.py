@@ -68,7 +68,7 @@ def rows(request: pytest.FixtureRequest) -> np.ndarray:
 
 
 @pytest.mark.slow
-def test_speeds_hold_their_targets_after_the_ramp(rows):
+def test_speeds_hold_their_targets_after_the_ramp(rows: np.ndarray) -> None:
     drive = DriveProfile()
     held = rows[rows[:, 0] > drive.ramp_time]
     for column, target in ((2, drive.angular_speed), (4, drive.feed_speed)):
@@ -78,7 +78,7 @@ def test_speeds_hold_their_targets_after_the_ramp(rows):
         assert error.max() < 0.03
 
 
-def test_positions_follow_the_drive_profile(rows):
+def test_positions_follow_the_drive_profile(rows: np.ndarray) -> None:
     angle, guide = DriveProfile().positions(rows[:, 0])
     # Speed error rms 0.1 %, integrated by the controller to nothing: a few milliradians.
     assert np.abs(rows[:, 1] - angle).max() < 0.01
@@ -86,19 +86,19 @@ def test_positions_follow_the_drive_profile(rows):
 
 
 @pytest.mark.slow
-def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows):
+def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows: np.ndarray) -> None:
     assert len(rows) == 20_000
     np.testing.assert_allclose(np.diff(rows[:, 0]), 1.0e-3, atol=1e-12)
 
 
-def test_load_cell_shows_the_weight():
+def test_load_cell_shows_the_weight() -> None:
     rig = started()
     samples = np.array([rig.tension() for _ in range(400)])
     # Noise of 10 mN: three standard errors of 400 samples are 1.5 mN.
     assert samples.mean() == pytest.approx(paper_case(4).weight, abs=1.5e-3)
 
 
-def test_stop_ramps_down_and_start_resumes_where_it_stood():
+def test_stop_ramps_down_and_start_resumes_where_it_stood() -> None:
     rig = winding(duration=4.0, until=1.5)
     rig.stop()
     run(rig)
@@ -111,7 +111,7 @@ def test_stop_ramps_down_and_start_resumes_where_it_stood():
     assert rig.state.phase is Phase.FINISHED
 
 
-def test_emergency_stop_halts_within_a_tenth_of_a_second():
+def test_emergency_stop_halts_within_a_tenth_of_a_second() -> None:
     rig = winding(until=1.5)
     rig.emergency_stop()
     begin = rig.time
@@ -119,21 +119,21 @@ def test_emergency_stop_halts_within_a_tenth_of_a_second():
     assert rig.time - begin < 0.1
 
 
-def test_starting_twice_is_starting_once():
+def test_starting_twice_is_starting_once() -> None:
     rig = started()
     rig.step()
     rig.start()
     assert (rig.state.phase, rig.state.sample) == (Phase.WINDING, 1)
 
 
-def test_reset_while_winding_is_refused():
+def test_reset_while_winding_is_refused() -> None:
     rig = started()
     rig.step()
     with pytest.raises(PhaseError, match="stop it first"):
         rig.reset()
 
 
-def test_finished_run_can_be_reset_and_wound_again():
+def test_finished_run_can_be_reset_and_wound_again() -> None:
     rig = machine(duration=2.0)
     wind(rig)
     assert rig.state.phase is Phase.FINISHED
@@ -144,7 +144,7 @@ def test_finished_run_can_be_reset_and_wound_again():
     assert rows[-1, 0] == pytest.approx(4.0)
 
 
-def test_same_seed_gives_the_same_run():
+def test_same_seed_gives_the_same_run() -> None:
     first, second = machine(duration=1.0, seed=5), machine(duration=1.0, seed=5)
     np.testing.assert_array_equal(wind(first), wind(second))
     assert first.tension() == second.tension()
@@ -164,7 +164,7 @@ def break_at(t: float, text: str) -> tuple[Machine, float]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", range(1, 13))
-def test_healthy_machine_of_every_case_winds_to_its_end(case):
+def test_healthy_machine_of_every_case_winds_to_its_end(case: int) -> None:
     rig = started(case, duration=2.5)
     run(rig, 2.0)
     rig.stop()
@@ -176,7 +176,7 @@ def test_healthy_machine_of_every_case_winds_to_its_end(case):
 @pytest.mark.slow
 @pytest.mark.parametrize("text", IMPOSSIBLE)
 @pytest.mark.parametrize("t", [0.0, 1.5], ids=["from the start", "at full speed"])
-def test_sensor_that_cannot_be_right_ends_in_standstill(t, text):
+def test_sensor_that_cannot_be_right_ends_in_standstill(t: float, text: str) -> None:
     rig, fastest = break_at(t, text)
     state = rig.state
     assert state.phase is Phase.PROTECTIVE
@@ -187,19 +187,19 @@ def test_sensor_that_cannot_be_right_ends_in_standstill(t, text):
     assert fastest < 2.0 * FULL_SPEED
 
 
-def test_fault_is_judged_after_fifty_milliseconds():
+def test_fault_is_judged_after_fifty_milliseconds() -> None:
     rig, _ = break_at(1.5, "cylinder_encoder:off")
     assert rig.state.stop_began is not None
     # One control step late at most.
     assert rig.state.stop_began - 1.5 == pytest.approx(0.05, abs=0.003)
 
 
-def test_single_lost_samples_do_not_stop_the_machine():
+def test_single_lost_samples_do_not_stop_the_machine() -> None:
     rig, _ = break_at(1.0, "cylinder_encoder:intermittent:0.2,load_cell:intermittent:0.2")
     assert rig.state.phase is Phase.FINISHED
 
 
-def test_protective_stop_is_latched_until_reset():
+def test_protective_stop_is_latched_until_reset() -> None:
     rig, _ = break_at(1.5, "load_cell:off")
     with pytest.raises(PhaseError, match="cannot start while the machine is in protective stop"):
         rig.start()
@@ -210,7 +210,7 @@ def test_protective_stop_is_latched_until_reset():
     assert rig.state.phase is Phase.FINISHED
 
 
-def test_emergency_stop_is_latched_until_reset():
+def test_emergency_stop_is_latched_until_reset() -> None:
     rig = winding(until=1.5)
     rig.emergency_stop()
     run(rig)
@@ -224,7 +224,7 @@ def test_emergency_stop_is_latched_until_reset():
     assert rig.state.phase is Phase.WINDING
 
 
-def test_quick_stop_is_resumed_by_start():
+def test_quick_stop_is_resumed_by_start() -> None:
     rig = winding(duration=3.0, until=1.5)
     rig.quick_stop("by hand")
     began = rig.time
@@ -240,7 +240,7 @@ def test_quick_stop_is_resumed_by_start():
     assert rig.state.cylinder.motor.position > stood
 
 
-def test_value_that_cannot_be_never_reaches_controller_or_reader():
+def test_value_that_cannot_be_never_reaches_controller_or_reader() -> None:
     rig = winding(duration=3.0)
     rig.faults = Faults(parse_faults("cylinder_encoder:garbage,load_cell:garbage", SENSORS))
     while rig.moving:
@@ -253,11 +253,11 @@ def test_value_that_cannot_be_never_reaches_controller_or_reader():
     assert rig.plausibility.refused["load cell"] > 0
 
 
-def test_without_consumers_time_is_free():
+def test_without_consumers_time_is_free() -> None:
     assert Pace([], 0.1).limit == math.inf
 
 
-def test_limit_follows_the_slowest_consumer():
+def test_limit_follows_the_slowest_consumer() -> None:
     pace = Pace(["a", "b"], 0.25)
     pace.answer("a", 5.0)
     pace.answer("b", 1.0)
@@ -265,19 +265,19 @@ def test_limit_follows_the_slowest_consumer():
     assert pace.slowest == "b"
 
 
-def test_a_stale_answer_does_not_take_time_back():
+def test_a_stale_answer_does_not_take_time_back() -> None:
     pace = Pace(["a"], 0.25)
     pace.answer("a", 2.0)
     pace.answer("a", 1.0)
     assert pace.limit == pytest.approx(2.25)
 
 
-def test_zero_lead_is_refused():
+def test_zero_lead_is_refused() -> None:
     with pytest.raises(ValueError, match=r"max_lead must be positive, got 0\.0 s"):
         Pace(["a"], 0.0)
 
 
-def test_motor_at_rest_is_held_by_dry_friction():
+def test_motor_at_rest_is_held_by_dry_friction() -> None:
     state = MotorState()
     below = 0.9 * CYLINDER_MOTOR.friction_voltage
     for _ in range(1000):
@@ -286,7 +286,7 @@ def test_motor_at_rest_is_held_by_dry_friction():
     assert state.position == 0.0
 
 
-def test_motor_reaches_the_speed_of_its_torque_balance():
+def test_motor_reaches_the_speed_of_its_torque_balance() -> None:
     state = MotorState()
     load, volts = 0.1, 10.0
     for _ in range(2000):
@@ -298,14 +298,14 @@ def test_motor_reaches_the_speed_of_its_torque_balance():
     assert torque == pytest.approx(resisting, abs=1.1 * motor.ripple)
 
 
-def test_brake_stops_the_axis_and_keeps_it():
+def test_brake_stops_the_axis_and_keeps_it() -> None:
     state = MotorState(speed=1.74)
     for _ in range(200):
         advance_motor(CYLINDER_MOTOR, state, 24.0, 0.0, DT, braked=True)
     assert state.speed == 0.0
 
 
-def test_friction_never_reverses_the_motion():
+def test_friction_never_reverses_the_motion() -> None:
     state = MotorState(speed=1.0)
     speeds = []
     for _ in range(2000):
@@ -314,14 +314,14 @@ def test_friction_never_reverses_the_motion():
     assert min(speeds) == 0.0
 
 
-def test_encoder_counts_whole_steps():
+def test_encoder_counts_whole_steps() -> None:
     config = EncoderConfig(resolution=0.01)
     state = EncoderState()
     read_encoder(config, state, 0.0299, DT)
     assert state.position == pytest.approx(0.02, abs=1e-15)
 
 
-def test_tracked_speed_has_no_error_at_constant_speed():
+def test_tracked_speed_has_no_error_at_constant_speed() -> None:
     config = EncoderConfig(resolution=1.0e-6)
     state = EncoderState()
     for sample in range(2000):
@@ -330,7 +330,7 @@ def test_tracked_speed_has_no_error_at_constant_speed():
     assert state.speed == pytest.approx(1.74, abs=1e-4)
 
 
-def test_tracked_speed_follows_a_commanded_ramp_without_lag():
+def test_tracked_speed_follows_a_commanded_ramp_without_lag() -> None:
     config = EncoderConfig(resolution=1.0e-7)
     state = EncoderState()
     for sample in range(1, 1001):
@@ -338,7 +338,7 @@ def test_tracked_speed_follows_a_commanded_ramp_without_lag():
     assert state.speed == pytest.approx(1.74, rel=2e-3)  # one sample of a 1 s ramp is 1e-3
 
 
-def test_integrator_does_not_wind_up_while_the_output_is_saturated():
+def test_integrator_does_not_wind_up_while_the_output_is_saturated() -> None:
     config = PidConfig(
         proportional=1.0, integral=10.0, derivative=0.0, limit=5.0, tracking_time=0.05
     )
@@ -354,18 +354,18 @@ def test_integrator_does_not_wind_up_while_the_output_is_saturated():
     assert recovery[-1] < 0.0
 
 
-def test_setpoint_step_gives_no_derivative_kick():
+def test_setpoint_step_gives_no_derivative_kick() -> None:
     config = PidConfig(proportional=0.0, integral=0.0, derivative=1.0, limit=5.0, tracking_time=1.0)
     state = PidState()
     step_pid(config, state, setpoint=0.0, measured=0.0, feedforward=0.0, dt=0.002)
     assert step_pid(config, state, setpoint=9.0, measured=0.0, feedforward=0.0, dt=0.002) == 0.0
 
 
-def test_too_slow_a_loop_is_refused_with_its_limit():
+def test_too_slow_a_loop_is_refused_with_its_limit() -> None:
     with pytest.raises(ValueError, match=r"bandwidth must exceed .* Hz"):
         tuned_pid(CYLINDER_MOTOR, 0.1)
 
 
-def test_encoder_without_resolution_is_refused():
+def test_encoder_without_resolution_is_refused() -> None:
     with pytest.raises(ValueError, match="resolution must be positive, got nan"):
         EncoderConfig(resolution=math.nan)

@@ -4,6 +4,7 @@ import json
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,24 +42,31 @@ def heard(ros: Any, **parameters: object) -> RigBench:
     return bench
 
 
-def test_time_stands_still_until_start(ros):
+def test_time_stands_still_until_start(ros: Any) -> None:
     bench = heard(ros)
     assert bench.command("stop").message == "cannot stop while the machine is in idle"
     assert bench.stamps["/clock"] == []
 
 
-def test_run_publishes_every_topic_at_its_rate(ros):
+def test_run_publishes_every_topic_at_its_rate(ros: Any) -> None:
     bench = heard(ros)
     bench.start()
-    rates = {"rig/joint_states": 1, "rig/joint_commands": 20, "rig/tension": 10, "/clock": 10}
-    rates |= {"camera/image_raw": 5, "camera/camera_info": 5, "camera/image_raw/compressed": 40}
-    for name, period in rates.items():
+    periods = {  # [ms]
+        "/clock": 10,
+        "rig/joint_states": 1,
+        "rig/joint_commands": 20,
+        "rig/tension": 10,
+        "camera/image_raw": 5,
+        "camera/camera_info": 5,
+        "camera/image_raw/compressed": 40,
+    }
+    for name, period in periods.items():
         expected = list(range(0, 301, period))
         ros.spin_until(lambda name=name, expected=expected: bench.stamps[name] == expected)
     bench.wait_for("finished")
 
 
-def test_time_waits_for_the_paced_consumer(ros):
+def test_time_waits_for_the_paced_consumer(ros: Any) -> None:
     bench = heard(ros, pace_topics="tracker/markers", max_lead=0.05)
     answers = topics.TRACKED_MARKERS.advertise(bench.probe)
     ros.spin_until(lambda: answers.get_subscription_count() == 1)
@@ -72,7 +80,7 @@ def test_time_waits_for_the_paced_consumer(ros):
     ros.spin_until(lambda: bench.last() == 150)
 
 
-def test_emergency_stop_ends_motion_and_is_an_error(ros):
+def test_emergency_stop_ends_motion_and_is_an_error(ros: Any) -> None:
     bench = heard(ros, duration=5.0)
     bench.start()
     ros.spin_until(lambda: bench.last() > 200)
@@ -81,7 +89,7 @@ def test_emergency_stop_ends_motion_and_is_an_error(ros):
     assert not bench.command("start").success
 
 
-def test_stop_then_reset_begins_anew_while_time_goes_on(ros):
+def test_stop_then_reset_begins_anew_while_time_goes_on(ros: Any) -> None:
     bench = heard(ros, duration=5.0)
     bench.command("start")
     ros.spin_until(lambda: bench.last() > 100)
@@ -94,7 +102,7 @@ def test_stop_then_reset_begins_anew_while_time_goes_on(ros):
     ros.spin_until(lambda: bench.last() > before + 10)
 
 
-def test_inactive_rig_refuses_to_start(ros):
+def test_inactive_rig_refuses_to_start(ros: Any) -> None:
     bench = heard(ros)
     assert bench.node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
     answer = bench.command("start")
@@ -102,11 +110,11 @@ def test_inactive_rig_refuses_to_start(ros):
     assert answer.message == "winding_rig is not active"
 
 
-def test_unknown_pace_topic_is_refused(ros):
+def test_unknown_pace_topic_is_refused(ros: Any) -> None:
     assert "tracker/markres" in refusal(ros, pace_topics="tracker/markres")
 
 
-def test_new_calibration_is_carried_by_every_later_camera_info(ros):
+def test_new_calibration_is_carried_by_every_later_camera_info(ros: Any) -> None:
     bench = heard(ros)
     infos: list[Any] = []
     topics.CAMERA_INFO.subscribe(bench.probe, infos.append)
@@ -134,7 +142,9 @@ def test_new_calibration_is_carried_by_every_later_camera_info(ros):
         ),
     ],
 )
-def test_calibration_that_cannot_be_the_camera_s_is_refused(ros, info, sentence):
+def test_calibration_that_cannot_be_the_camera_s_is_refused(
+    ros: Any, info: CameraInfo, sentence: str
+) -> None:
     bench = heard(ros)
     request = SetCameraInfo.Request(camera_info=info)
     answer = ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request)
@@ -142,7 +152,7 @@ def test_calibration_that_cannot_be_the_camera_s_is_refused(ros, info, sentence)
     assert sentence in answer.status_message
 
 
-def test_clock_drives_a_node_that_uses_simulated_time(ros):
+def test_clock_drives_a_node_that_uses_simulated_time(ros: Any) -> None:
     follower = ros.plain("follower")
     follower.set_parameters([Parameter("use_sim_time", value=True)])
     bench = heard(ros)
@@ -159,7 +169,7 @@ def driven(ros: Any, **parameters: object) -> RigBench:
 
 
 @pytest.mark.parametrize("lay", ["driven", "paper"])
-def test_the_truth_is_there_at_the_end_of_the_run(ros, tmp_path, lay):
+def test_the_truth_is_there_at_the_end_of_the_run(ros: Any, tmp_path: Path, lay: str) -> None:
     file = tmp_path / "truth.json"
     bench = driven(ros, lay=lay, duration=0.5, truth_file=str(file))
     bench.wait_for("finished")
@@ -170,7 +180,7 @@ def test_the_truth_is_there_at_the_end_of_the_run(ros, tmp_path, lay):
     assert ("free_length" in written["hidden"]) == (lay == "driven")
 
 
-def test_the_truth_of_a_run_that_is_ended_early_is_written_too(ros, tmp_path):
+def test_the_truth_of_a_run_that_is_ended_early_is_written_too(ros: Any, tmp_path: Path) -> None:
     file = tmp_path / "truth.json"
     bench = driven(ros, truth_file=str(file))
     bench.wound(0.5)
@@ -178,7 +188,7 @@ def test_the_truth_of_a_run_that_is_ended_early_is_written_too(ros, tmp_path):
     assert json.loads(file.read_text())["wound_angle"] == bench.node._lay.wound_angle > 0.5
 
 
-def test_a_reset_begins_with_a_bare_cylinder(ros):
+def test_a_reset_begins_with_a_bare_cylinder(ros: Any) -> None:
     bench = driven(ros)
     bench.wound(0.5)
     assert bench.command("stop").success
@@ -191,7 +201,7 @@ def test_a_reset_begins_with_a_bare_cylinder(ros):
     assert not bench.node._loop._failed
 
 
-def test_the_camera_goes_on_after_a_pause_of_the_node(ros):
+def test_the_camera_goes_on_after_a_pause_of_the_node(ros: Any) -> None:
     bench = driven(ros)
     bench.wound(0.3)
     assert bench.node.trigger_deactivate() is TransitionCallbackReturn.SUCCESS
@@ -202,7 +212,7 @@ def test_the_camera_goes_on_after_a_pause_of_the_node(ros):
     assert not bench.node._loop._failed
 
 
-def test_what_cannot_be_shown_or_written_is_refused(ros, tmp_path):
+def test_what_cannot_be_shown_or_written_is_refused(ros: Any, tmp_path: Path) -> None:
     sentence = refusal(ros, lay="driven", camera_elsewhere=True)
     assert "camera_elsewhere must be false" in sentence
     sentence = refusal(ros, truth_file=str(tmp_path / "absent" / "truth.json"))
@@ -212,7 +222,7 @@ def test_what_cannot_be_shown_or_written_is_refused(ros, tmp_path):
 @pytest.mark.parametrize(
     "command", [targets(carriage=AxisTarget(speed=0.01)), TensionCommand(t=0.0, force=2.0)]
 )
-def test_commands_that_the_picture_does_not_follow_are_warned_of(command):
+def test_commands_that_the_picture_does_not_follow_are_warned_of(command: Any) -> None:
     machine, pace = winding(), Pace([], 0.25)
     assert rig_status(machine, pace, "", "fem").level is Level.OK
     machine.command(command)
@@ -266,7 +276,7 @@ class Commanded(RigBench):
 
 
 @pytest.mark.slow
-def test_joint_targets_move_an_axis(ros):
+def test_joint_targets_move_an_axis(ros: Any) -> None:
     bench = Commanded(ros)
     # As topic_based_ros2_control sends them: NaN for interfaces that are not commanded.
     wanted = JointState(
@@ -278,7 +288,7 @@ def test_joint_targets_move_an_axis(ros):
 
 
 @pytest.mark.slow
-def test_a_joint_trajectory_moves_both_axes_to_its_end(ros):
+def test_a_joint_trajectory_moves_both_axes_to_its_end(ros: Any) -> None:
     bench = Commanded(ros)
     angle = bench.axes.position[0] + 0.5
     waypoints = {
@@ -292,7 +302,7 @@ def test_a_joint_trajectory_moves_both_axes_to_its_end(ros):
 
 
 @pytest.mark.slow
-def test_a_tension_command_sets_the_brake(ros):
+def test_a_tension_command_sets_the_brake(ros: Any) -> None:
     bench = Commanded(ros)
     pull = 1.5 * paper_case(4).weight
     bench.send(topics.TENSION_COMMAND, encode_tension(0.0, pull))
@@ -301,7 +311,7 @@ def test_a_tension_command_sets_the_brake(ros):
 
 
 @pytest.mark.slow
-def test_a_refused_command_is_told_in_diagnostics(ros):
+def test_a_refused_command_is_reported_in_diagnostics(ros: Any) -> None:
     bench = Commanded(ros)
     wanted = JointState(name=["carriage_joint"], position=[3.0])
     bench.send(topics.JOINT_TARGETS, wanted)
@@ -315,7 +325,7 @@ def test_a_refused_command_is_told_in_diagnostics(ros):
 
 
 @pytest.mark.slow
-def test_two_commanders_at_once_are_refused(ros):
+def test_two_commanders_at_once_are_refused(ros: Any) -> None:
     bench = Commanded(ros)
     other = topics.JOINT_TARGETS.advertise(ros.plain("other"))
     ros.spin_until(lambda: other.get_subscription_count() == 1)
@@ -325,7 +335,7 @@ def test_two_commanders_at_once_are_refused(ros):
 
 
 @pytest.mark.slow
-def test_a_commander_that_falls_silent_stops_the_machine(ros):
+def test_a_commander_that_falls_silent_stops_the_machine(ros: Any) -> None:
     bench = Commanded(ros)
     wanted = JointState(name=["carriage_joint"], velocity=[0.02])
     bench.until(lambda: bench.axes.velocity[1] > 0.015, topics.JOINT_TARGETS, wanted)
@@ -334,7 +344,7 @@ def test_a_commander_that_falls_silent_stops_the_machine(ros):
 
 
 @pytest.mark.slow
-def test_limits_that_contradict_each_other_are_refused(ros):
+def test_limits_that_contradict_each_other_are_refused(ros: Any) -> None:
     sentence = refusal(ros, carriage_travel=[0.5, 0.1])
     assert "travel must end above its start, got 0.5 to 0.1 m" in sentence
 
@@ -382,7 +392,7 @@ def rig(ros: Any) -> Iterator[RigNode]:
     node.destroy_node()
 
 
-def test_what_was_chosen_since_the_process_was_started_is_filmed(ros, rig):
+def test_what_was_chosen_since_the_process_was_started_is_filmed(ros: Any, rig: RigNode) -> None:
     rig.set_parameters([Parameter("frame_rate", value=1000)])
     joints, port = topics.JOINT_STATES.advertise(ros.plain()), Port(ros.context)
     with open_camera(port):
@@ -393,7 +403,7 @@ def test_what_was_chosen_since_the_process_was_started_is_filmed(ros, rig):
     assert port.times == [0.0, 0.001, 0.002]
 
 
-def test_a_reading_that_says_nothing_does_not_end_the_camera(ros, rig):
+def test_an_unusable_reading_does_not_end_the_camera(ros: Any, rig: RigNode) -> None:
     joints, port = topics.JOINT_STATES.advertise(ros.plain()), Port(ros.context)
     with open_camera(port):
         ros.spin_until(lambda: joints.get_subscription_count() == 1)
@@ -404,7 +414,9 @@ def test_a_reading_that_says_nothing_does_not_end_the_camera(ros, rig):
     assert port.times == [0.005]
 
 
-def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(ros, monkeypatch):
+def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(
+    ros: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("winding_rig_node.ros.hosted_camera._ATTEMPTS", 1)
     probe = ros.plain()
     with (

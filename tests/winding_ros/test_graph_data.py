@@ -12,6 +12,7 @@ from winding_ros import topics
 from winding_ros.environment import set_process_environment
 from winding_ros.graph import (
     GRAPH,
+    LAY_CONTROL,
     RIG,
     as_mermaid,
     as_text,
@@ -114,13 +115,17 @@ def test_controller_of_the_lay_hears_all_and_is_heard_by_the_rig() -> None:
     expected = expected_subscribers(frozenset(), controlled())
     without = expected_subscribers(frozenset())
     assert expected["lay_control"] == {
-        "lay_control/state": 1, "rig/joint_targets": 1, "rig/tension_command": 1,
-    }  # fmt: skip
+        "lay_control/state": 1,
+        "rig/joint_targets": 1,
+        "rig/tension_command": 1,
+    }
     for node, topic in (
-        ("winding_rig", "rig/joint_states"), ("winding_rig", "rig/tension"),
-        ("marker_tracker", "tracker/markers"), ("marker_tracker", "tracker/lay"),
+        ("winding_rig", "rig/joint_states"),
+        ("winding_rig", "rig/tension"),
+        ("marker_tracker", "tracker/markers"),
+        ("marker_tracker", "tracker/lay"),
         ("cable_fem", "fem/markers"),
-    ):  # fmt: skip
+    ):
         assert expected[node][topic] == without[node][topic] + 1
 
 
@@ -134,7 +139,11 @@ def test_text_names_every_node_and_topic() -> None:
 
 
 def test_parameters_of_every_node_can_be_read_without_starting_it() -> None:
-    assert [parameters_of(spec)().resolved().case.number for spec in controlled()] == [4] * 5
+    assert set(controlled()) == {*GRAPH, LAY_CONTROL}
+    for spec in controlled():
+        declared = parameters_of(spec)
+        assert declared.__name__ == spec.parameters_class
+        assert declared().resolved().case.number == 4
 
 
 def test_readme_shows_this_graph() -> None:

@@ -84,10 +84,6 @@ def heard(probe: object) -> dict[str, Status]:
     return statuses
 
 
-def override(**values: object) -> list[Parameter]:
-    return [Parameter(name, value=value) for name, value in values.items()]
-
-
 def test_full_life(ros: object) -> None:
     ros.add(Listener)
     probe = ros.plain()
@@ -110,8 +106,8 @@ def test_invalid_transition_is_refused_and_the_node_lives(ros: object) -> None:
     assert state(ros, probe) == State.PRIMARY_STATE_UNCONFIGURED
 
 
-def test_refused_configuration_leaves_the_node_unconfigured_and_says_why(ros: object) -> None:
-    node = ros.add(Listener, parameter_overrides=override(flavour="salted"))
+def test_refused_configuration_leaves_the_node_unconfigured_with_the_reason(ros: object) -> None:
+    node = ros.add(Listener, parameters={"flavour": "salted"})
     probe = ros.plain()
     statuses = heard(probe)
     assert not change(ros, probe, Transition.TRANSITION_CONFIGURE)
@@ -149,11 +145,11 @@ def test_refused_message_is_counted_and_does_not_stop_the_node(ros: object) -> N
 
 def test_unknown_parameter_is_refused_before_the_node_exists(ros: object) -> None:
     with pytest.raises(ParameterError, match="has no parameter gane; did you mean gain"):
-        Listener(context=ros.context, parameter_overrides=override(gane=1.0))
+        ros.add(Listener, parameters={"gane": 1.0})
 
 
 def test_whole_number_override_of_a_float_is_taken(ros: object) -> None:
-    assert ros.add(Listener, parameter_overrides=override(gain=2)).configuration.gain == 2.0
+    assert ros.add(Listener, parameters={"gain": 2}).configuration.gain == 2.0
 
 
 def test_parameters_describe_themselves_and_keep_their_range(ros: object) -> None:
@@ -261,7 +257,7 @@ def test_machine_is_not_switched_on_when_a_node_refuses() -> None:
     assert nodes.states["rig"] != ACTIVE
 
 
-def test_state_tells_what_became_of_a_transition_without_an_answer() -> None:
+def test_state_shows_the_result_of_a_transition_without_an_answer() -> None:
     nodes = Nodes(INACTIVE, loses="fem activate")
     asyncio.run(driver(nodes).change("fem", Transition.TRANSITION_ACTIVATE))
     assert nodes.done == ["fem activate"]
@@ -346,7 +342,7 @@ def test_longest_queue_is_kept_until_it_is_reported() -> None:
     assert intake.queue == 0
 
 
-def test_rate_is_measured_and_losses_are_counted_against_it():
+def test_rate_is_measured_and_losses_are_counted_against_it() -> None:
     cadence = Cadence("rig/joint_states")
     for sample in range(400):
         if sample % 20 != 19 or sample < 64:
@@ -358,17 +354,15 @@ def test_rate_is_measured_and_losses_are_counted_against_it():
     assert cadence.warning == "rig/joint_states has lost 4% of its messages at 40 Hz"
 
 
-def test_an_interruption_is_no_loss_and_lateness_is_seen():
+def test_an_interruption_is_no_loss_and_lateness_is_seen() -> None:
     cadence = Cadence("camera/image_raw")
     for sample in range(100):
         stamp = 0.02 * sample + (30.0 if sample >= 50 else 0.0)
         cadence.take(stamp, stamp + (0.1 if sample >= 70 else 0.0))
-    assert cadence.counts == {
-        "lost": 0, "doubled": 0, "reordered": 0, "late": 1, "interrupted": 1
-    }  # fmt: skip
+    assert cadence.counts == {"lost": 0, "doubled": 0, "reordered": 0, "late": 1, "interrupted": 1}
 
 
-def test_guard_refuses_what_is_reordered_and_tells_both_kinds():
+def test_guard_refuses_what_is_reordered_and_counts_both_kinds() -> None:
     guard = MessageGuard("rig/tension", steady=True)
     for sample in range(20):
         guard.check(0.01 * sample, lambda: 0.0)

@@ -189,9 +189,13 @@ def test_rgb_image_is_turned_to_bgr() -> None:
 
 def test_clouds_of_any_publisher_are_read() -> None:
     records = wound_markers(
-        ids=[0, 1, 2], theta=[0.0, 6.28, 12.52], z=[0.0, 0.0045, 0.01486], radius=0.017,
-        cylinder_angle=13.0, flags=[0, 0, MarkerFlag.TOUCHING],
-    )  # fmt: skip
+        ids=[0, 1, 2],
+        theta=[0.0, 6.28, 12.52],
+        z=[0.0, 0.0045, 0.01486],
+        radius=0.017,
+        cylinder_angle=13.0,
+        flags=[0, 0, MarkerFlag.TOUCHING],
+    )
     for wanted in (records, records[:0]):
         data = encode_cloud(4.25, wanted)
         # Of equal content, the bytes of another publisher differ.
@@ -232,9 +236,14 @@ def test_no_votes_mean_that_nothing_is_measured() -> None:
 
 def test_material_is_reported_in_words_and_none_before_it_is_identified() -> None:
     found = MaterialReport(
-        law="linear", young=3.1234567890123e6, standard_error=2.0e4, half_width_90=3.3e4,
-        markers=(1, 2), worst_share=1.0e-4, taken_up=True,
-    )  # fmt: skip
+        law="linear",
+        young=3.1234567890123e6,
+        standard_error=2.0e4,
+        half_width_90=3.3e4,
+        markers=(1, 2),
+        worst_share=1.0e-4,
+        taken_up=True,
+    )
     status = encode_material(0.0, found).status[0]
     assert status.message == (
         "effective modulus 3.123 MPa, nine times in ten within 0.033 MPa, from P1, P2"
@@ -348,7 +357,7 @@ def test_a_sensor_of_any_message_type_is_written() -> None:
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (2, 500_000_000)
 
 
-def test_a_cloud_says_whether_all_its_points_are_there() -> None:
+def test_a_cloud_is_dense_only_with_all_its_points() -> None:
     records = np.zeros(2, dtype=[("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("id", "<i4")])
     assert deserialize_message(encode_cloud(0.0, records), PointCloud2).is_dense
     records["z"][1] = np.nan

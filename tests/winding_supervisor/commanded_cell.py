@@ -29,7 +29,9 @@ from winding_ros.messages.camera import encode_camera_info, encode_image
 from winding_ros.messages.stamps import encode_stamp
 
 CASE = 4
-PERIOD, FRAMES, STEP = 0.005, 10, 0.01
+PERIOD = 0.005
+FRAMES = 10
+STEP = 0.01
 # Readings where the machine stands at first [rad], [mm]; millimetres count against z.
 SPINDLE, SLIDE, SCALE = 12.5, 340.0, -1000.0
 

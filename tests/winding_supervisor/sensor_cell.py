@@ -38,10 +38,14 @@ class SensorCell(Node):
         if camera:
             self.images = self.create_publisher(Image, "camera/image_raw", 50)
             self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
-        for name, act in (
-            *(("start", self.start), ("stop", self.stop), ("quick_stop", self.stop)),
-            *(("emergency_stop", self.emergency_stop), ("reset", self.reset)),
-        ):
+        services = {
+            "start": self.start,
+            "stop": self.stop,
+            "quick_stop": self.stop,
+            "emergency_stop": self.emergency_stop,
+            "reset": self.reset,
+        }
+        for name, act in services.items():
             self.create_service(Trigger, f"rig/{name}", act)
         self.quit = threading.Event()
         self.threads: list[threading.Thread] = []

@@ -136,7 +136,7 @@ def test_an_earlier_run_of_the_same_nodes_is_left_out(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("odd", [{"event": 9}, {"channel": 9}, {"station": 4}, {"began": np.nan}])
-def test_a_record_that_says_nothing_is_left_out(bench: Bench, odd: dict[str, float]) -> None:
+def test_an_invalid_record_is_left_out(bench: Bench, odd: dict[str, float]) -> None:
     bench.note(stamp=1.0, **odd)
     bench.note(stamp=2.0)
     assert bench.stamps(0, 1) == [2.0]

@@ -49,15 +49,15 @@ class Machine:
                 carriage_position=0.0,
                 feed_speed=0.005,
             )
-            self._tell(topics.JOINT_STATES, t, encode_joint_state(t, reading))
+            self._buffer(topics.JOINT_STATES, t, encode_joint_state(t, reading))
 
     def predict(self) -> None:
-        self._tell(topics.FEM_PREDICTION, 0.0, encode_joint_state(0.0, _STANDING))
+        self._buffer(topics.FEM_PREDICTION, 0.0, encode_joint_state(0.0, _STANDING))
 
     def wait(self, seconds: float) -> None:
         self.wall_ns += round(seconds * 1e9)
 
-    def _tell(self, topic: Any, t: float, data: bytes) -> None:
+    def _buffer(self, topic: Any, t: float, data: bytes) -> None:
         self.wall_ns += 1_000_000
         self.buffer.add(
             topic,

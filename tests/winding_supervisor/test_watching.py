@@ -130,7 +130,7 @@ def test_vitals_give_rates_latency_and_lost_frames() -> None:
     assert vitals.look(2.0, {})[0] is Level.OK
 
 
-def test_load_is_told_from_the_second_look_at_a_process_on() -> None:
+def test_load_is_reported_from_the_second_look_at_a_process_on() -> None:
     vitals = LoadMonitor(RunBuffer(topics.TOPICS))
     assert "cpu test [%]" not in vitals.look(0.0, {"test": os.getpid()})[2]
     assert float(vitals.look(1.0, {"test": os.getpid()})[2]["cpu test [%]"]) >= 0.0

@@ -90,6 +90,7 @@ def test_markers_land_at_their_angles_or_it_was_predicted(truth: str) -> None:
 
 @pytest.mark.slow
 def test_the_file_has_what_is_wound_today(rows: list[ClosedLoopRow]) -> None:
+    assert rows
     for row in rows:
         (kept,) = (
             kept

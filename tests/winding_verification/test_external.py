@@ -82,14 +82,22 @@ def pendulum(folder: Path, young: float = 1.0e7) -> Path:
     drop = np.sqrt((1.0 + strain) ** 2 - slope**2)
     z = -np.concatenate([[0.0], np.cumsum(0.5 * (drop[1:] + drop[:-1]) * np.diff(s))])
     one = rod(
-        np.stack([x, 0.0 * s, z], axis=1), 0.002, young,
-        start="pinned", rest_arc_length=s.tolist(),
-    )  # fmt: skip
+        np.stack([x, 0.0 * s, z], axis=1),
+        0.002,
+        young,
+        start="pinned",
+        rest_arc_length=s.tolist(),
+    )
     gravity = [0.0, 0.0, -GRAVITY]
     return write(
-        folder, "pendulum", {"youngs_modulus": young}, [one],
-        gravity=gravity, duration=5.0, quasi_static=False,
-    )  # fmt: skip
+        folder,
+        "pendulum",
+        {"youngs_modulus": young},
+        [one],
+        gravity=gravity,
+        duration=5.0,
+        quasi_static=False,
+    )
 
 
 def twist(folder: Path, tension: float, critical: float, levels: list[float]) -> Path:
@@ -110,11 +118,16 @@ def twist(folder: Path, tension: float, critical: float, levels: list[float]) ->
         }
         rods.append(
             rod(
-                np.stack([s, 0.25 * i + bump, 0.0 * s], axis=1), radius, young,
-                start="clamped", end="clamped", end_motion=motion, normal=[0.0, 0.0, 1.0],
+                np.stack([s, 0.25 * i + bump, 0.0 * s], axis=1),
+                radius,
+                young,
+                start="clamped",
+                end="clamped",
+                end_motion=motion,
+                normal=[0.0, 0.0, 1.0],
                 loads=[{"force": [tension * bending, 0.0, 0.0], "at": "end"}],
             )
-        )  # fmt: skip
+        )
     return write(folder, "twist", {"tension": tension}, rods, duration=16.0)
 
 
@@ -125,7 +138,8 @@ def holding(friction: float, short: float = 0.15, wrap: float = 0.051) -> float:
 
 
 def capstan(folder: Path, overhang: float = 0.8, friction: float = 0.3) -> Path:
-    young, radius, short, wrap = 3.0e5, 0.001, 0.15, 0.051
+    young, radius = 3.0e5, 0.001
+    short, wrap = 0.15, 0.051
     long = overhang * holding(friction)
     area = math.pi * radius**2
     weight = 1000.0 * area * GRAVITY
@@ -167,13 +181,21 @@ def capstan(folder: Path, overhang: float = 0.8, friction: float = 0.3) -> Path:
     arc = np.concatenate([[0.0], np.cumsum(rest)]).tolist()
     one = rod(points, radius, young, rest_arc_length=arc)
     cylinder = {
-        "center": [0.0, 0.0, 0.0], "axis": [0.0, 1.0, 0.0],
-        "radius": 0.05, "length": 0.1, "friction": friction,
-    }  # fmt: skip
+        "center": [0.0, 0.0, 0.0],
+        "axis": [0.0, 1.0, 0.0],
+        "radius": 0.05,
+        "length": 0.1,
+        "friction": friction,
+    }
     return write(
-        folder, "capstan", {"overhang": overhang, "friction": friction}, [one],
-        gravity=[0.0, 0.0, -GRAVITY], obstacles=[cylinder], duration=2.0,
-    )  # fmt: skip
+        folder,
+        "capstan",
+        {"overhang": overhang, "friction": friction},
+        [one],
+        gravity=[0.0, 0.0, -GRAVITY],
+        obstacles=[cylinder],
+        duration=2.0,
+    )
 
 
 def rows(file: Path) -> dict[str, ExternalRow]:
@@ -228,7 +250,7 @@ def test_limp_rod_s_period_is_bernoulli_s(tmp_path: Path) -> None:
     ("overhang", "friction", "holds"),
     [(0.7, 0.3, True), (0.97, 0.2, True), (1.08, 0.4, False), (1.3, 0.15, False)],
 )
-def test_rope_holds_or_slides_as_the_heavy_capstan_equation_says(
+def test_rope_holds_or_slides_by_the_heavy_capstan_equation(
     tmp_path: Path, overhang: float, friction: float, holds: bool
 ) -> None:
     (row,) = compare(capstan(tmp_path, overhang, friction))
@@ -320,7 +342,7 @@ def test_bar_that_is_not_kept_ends_with_one(
         ({"rods": [{"centerline": [[0.0, 0.0]]}]}, "a centerline must be finite with shape"),
     ],
 )
-def test_file_that_says_something_else_is_refused_in_one_sentence(
+def test_file_with_other_content_is_refused_in_one_sentence(
     tmp_path: Path, change: dict[str, object], sentence: str
 ) -> None:
     file = cantilever(tmp_path)

@@ -162,7 +162,7 @@ def table(folder: Path, *lines: str, columns: str = COLUMNS) -> Path:
     return file
 
 
-def test_limp_rod_holds_what_euler_s_formula_says() -> None:
+def test_limp_rod_holds_the_ratio_of_euler_s_formula() -> None:
     # A lift-off of the square root of the stiffness takes as much from the arc as it adds shear.
     assert limiting_ratio(0.3, 2.5, 1.0e-8) == pytest.approx(math.exp(0.75), rel=1.0e-6)
 
@@ -184,7 +184,7 @@ def test_tails_of_a_stiff_rod_balance_on_its_arc() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("friction", "wrap", "stiffness"), [(0.25, 1.4, 0.3), (0.35, 2.6, 2.0e-3)])
-def test_this_rod_slides_where_the_closed_form_says(
+def test_this_rod_slides_at_the_ratio_of_the_closed_form(
     friction: float, wrap: float, stiffness: float
 ) -> None:
     ratio = slipping_ratio(friction, wrap, stiffness)
@@ -215,16 +215,14 @@ def test_table_s_ratio_stands_beside_ours(tmp_path: Path) -> None:
         ("", "has no line under its columns friction, wrap_angle_rad"),
     ],
 )
-def test_table_that_says_something_else_is_refused(
-    tmp_path: Path, line: str, sentence: str
-) -> None:
+def test_table_with_other_content_is_refused(tmp_path: Path, line: str, sentence: str) -> None:
     table(tmp_path, line)
     done = CliRunner().invoke(app, ["verify", "elastic_capstan", "--external", str(tmp_path)])
     assert done.exit_code == 2
     assert sentence in " ".join(done.output.split())
 
 
-def test_folder_without_a_table_is_told_its_columns(tmp_path: Path) -> None:
+def test_folder_without_a_table_is_refused_with_its_columns(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["verify", "elastic_capstan", "--external", str(tmp_path)])
     assert done.exit_code == 2
     sentence = "holds no elastic_capstan.csv, a table with the columns friction, wrap_angle_rad"
