@@ -109,6 +109,11 @@ class Controlled(Machine):
         print(f"told {command}", flush=True)
         return answer
 
+    async def record(self, on: bool) -> str:
+        """Never come to an end, as a recorder whose disk hangs."""
+        await asyncio.Event().wait()
+        return ""
+
 
 def main(port: int, *, standing: bool) -> None:
     state = fresh_state()
@@ -118,13 +123,13 @@ def main(port: int, *, standing: bool) -> None:
 
     async def stand() -> None:
         while True:
-            phase(state, "idle")
+            phase(state, "idle", ago=0.0)
             await page.session.learn_choice()
             await asyncio.sleep(PERIOD)
 
     async def wind() -> None:
         while True:
-            phase(state, "winding")
+            phase(state, "winding", ago=0.0)
             wound(state, Condition(duration=60.0))
             note_run(state, 30.0 + 0.2 * (time.monotonic() - begin), graph.mode)
             state.tick(time.monotonic())

@@ -81,13 +81,18 @@ class Clock:
 
 
 def fresh_state() -> ViewState:
-    return ViewState(nodes=NODES, machine="winding_rig", solver="cable_fem")
+    state = ViewState(nodes=NODES, machine="winding_rig", solver="cable_fem")
+    state.health.lifecycle = dict.fromkeys(NODES, "active")
+    return state
 
 
-def phase(state: ViewState, text: str, level: Level = Level.OK, reason: str = "") -> None:
+def phase(
+    state: ViewState, text: str, level: Level = Level.OK, reason: str = "", *, ago: float = 2.0
+) -> None:
+    """Let the machine report its phase, so long ago [s]."""
     values = {"phase": text, "reason": reason}
     status = Status(name="winding_rig", level=level, message=text, values=values)
-    state.health.note(time.monotonic(), [status])
+    state.note_statuses(time.monotonic() - ago, [status])
 
 
 def wound(state: ViewState, condition: Condition) -> None:

@@ -135,14 +135,14 @@ def test_fall_back_stands_out_on_the_page() -> None:
     assert seen["bad"]["control-basis"]
 
 
-def test_verdict_of_the_band_holds_the_lay_to_the_tolerance_that_is_set() -> None:
+def test_band_holds_the_lay_so_far_to_the_tolerance_that_is_set() -> None:
     state = controlled()
     desk = Desk(state, Controlled(state))
     band = desk.look()["parts"]["band"]
-    assert "NOT GOOD" in band
+    assert "OVER LIMIT" in band
     assert "lay +0.73 mm off at most, limit 0.5 mm, turn 4" in band
     desk.ask("/limits", limits={"lay_tolerance_mm": 0.8})
-    assert "NOT GOOD" not in desk.look()["parts"]["band"]
+    assert "OVER LIMIT" not in desk.look()["parts"]["band"]
 
 
 def test_recording_that_is_played_has_no_switches() -> None:

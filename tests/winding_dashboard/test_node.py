@@ -4,6 +4,7 @@ import asyncio
 import os
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from winding_core.run_options import OperatorLimits
 from winding_core.status import Status
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError
+from winding_dashboard.ros import topic_reader
 from winding_ros import topics
 from winding_ros.messages.clouds import encode_cloud
 from winding_ros.messages.diagnostics import (
@@ -111,6 +113,48 @@ def test_command_is_unavailable_until_somebody_serves_it(
     probe.create_service(Trigger, "rig/stop", serve)
     ros.spin_until(lambda: not dashboard.service_client.unavailable("stop"))
     assert spin_beside(ros, dashboard.service_client.command("stop")) == "stopping"
+
+
+def test_who_plays_a_recording_is_no_machine_until_one_serves_its_commands(
+    ros: Any, dashboard: DashboardNode
+) -> None:
+    """As `winding bag play` publishes it, and a driver beside it."""
+    driver = ros.plain("some_driver")
+    publisher = topics.JOINT_STATES.advertise(driver)
+    ros.spin_until(publisher.get_subscription_count)
+    dashboard.look_for_player()
+    assert dashboard.state.player == ""
+    player = ros.plain("bag_player")
+    publisher = topics.FEM_MARKERS.advertise(player)
+
+    def looked() -> str:
+        dashboard.look_for_player()
+        return dashboard.state.player
+
+    ros.spin_until(lambda: looked() == "bag_player")
+    # What was played is shown after its end, too, and is no machine.
+    player.destroy_publisher(publisher)
+    ros.spin_until(lambda: dashboard.service_client.player() is None)
+    assert looked() == "bag_player"
+    driver.create_service(Trigger, "rig/stop", lambda _request, response: response)
+    ros.spin_until(lambda: looked() == "")
+
+
+def test_topic_that_the_page_has_no_row_for_is_shown_as_text(
+    ros: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    further = replace(topics.TENSION, name="rig/sag", quantity=None, rate=None)
+    spec = replace(topic_reader.PAGE, extra_subscriptions=(topics.DIAGNOSTICS, further))
+    monkeypatch.setattr(topic_reader, "PAGE", spec)
+    page = DashboardNode(ros.context)
+    try:
+        out = further.advertise(ros.plain())
+        ros.spin_until(out.get_subscription_count)
+        out.publish(encode_tension(0.3, 5.25))
+        look_until(ros, page, lambda: page.state.others == {"rig/sag": "5.25"})
+    finally:
+        page.start()
+        page.close()
 
 
 @pytest.mark.slow

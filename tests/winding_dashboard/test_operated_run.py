@@ -83,7 +83,7 @@ def test_own_condition_is_prepared(desk: Any, pictures: Path) -> None:
 
 def test_recording_begins_before_the_run(desk: Any, run: AttendedRun) -> None:
     recording(desk).get_by_role("button", name="Record", exact=True).click()
-    desk.answered("recording into")
+    desk.answered("recording: begun")
     desk.page.locator(".recording").wait_for(state="visible")
     assert (run.folder / "bag").is_dir()
 

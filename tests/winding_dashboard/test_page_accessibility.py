@@ -25,9 +25,10 @@ def test_axe_finds_nothing_grave_in_a_question_and_in_an_old_page(
 ) -> None:
     page = opened(browser, controlled_page.url, width=1280, dark=False)
     page.wait_for_function("shown.sequence >= 0")
-    page.evaluate("document.getElementById('ask-reset').showModal()")
+    page.locator("#mode-watch").click()
+    page.locator("#ask-watch").wait_for()
     assert grave_findings(page) == []
-    page.evaluate("document.getElementById('ask-reset').close()")
+    page.keyboard.press("Escape")
     page.context.set_offline(True)
     page.wait_for_function("document.body.classList.contains('old')")
     assert grave_findings(page) == []

@@ -36,13 +36,28 @@ def test_recording_is_begun_and_shown() -> None:
     desk = Desk(state, machine)
     assert desk.look()["texts"]["recorded"] == "nothing is being recorded"
     assert desk.look()["hidden"]["recording"]
-    desk.ask("/record", on=True)
+    # It stays true whatever becomes of the recording.
+    assert desk.ask("/record", on=True).endswith("recording: begun")
     assert machine.done == ["record"]
     recorded(state, "bag-2")
     seen = desk.look()
     assert seen["texts"]["recorded"] == "into bag-2: 12 345 messages, 67.8 MB"
     assert seen["texts"]["record"] == "Stop recording"
     assert not seen["hidden"]["recording"]
+
+
+def test_recording_ends_with_its_session() -> None:
+    state = fresh_state()
+    recorded(state, "bag-3")
+    failure = "the session cannot go on: winding_rig ended with exit code -9"
+    state.note_statuses(
+        time.monotonic(),
+        [Status(name="orchestrator: run", message=failure, values={"phase": "failed"})],
+    )
+    seen = Desk(state, Machine()).look()
+    assert seen["texts"]["recorded"] == "nothing is being recorded"
+    assert seen["hidden"]["recording"]
+    assert failure in seen["parts"]["band"]
 
 
 def test_ending_a_recording_asks_while_the_machine_winds_and_not_when_it_stands() -> None:
@@ -181,13 +196,33 @@ def test_every_browser_reads_what_the_last_request_came_to() -> None:
     assert desk.look()["texts"]["answer"].endswith("stop: cannot stop while the machine is in idle")
 
 
-def test_buttons_are_off_with_a_reason_when_only_topics_come() -> None:
+def test_stops_are_offered_even_where_nothing_else_can_be_commanded() -> None:
     machine = Machine(missing="nobody serves rig/start in /winding")
     seen = Desk(fresh_state(), machine).look()
-    for name in ("start", "stop", "reset", "emergency_stop"):
-        assert seen["off"][name] == machine.missing
+    assert seen["off"]["start"] == seen["off"]["reset"] == machine.missing
     assert seen["off"]["prepare"] == f"cannot be chosen here: {machine.missing}"
-    assert seen["texts"]["why-off"] == f"Commands are off: {machine.missing}"
+    assert seen["texts"]["why-off"] == f"Start is off: {machine.missing}"
+    assert seen["off"]["stop"] == seen["off"]["emergency_stop"] == ""
+
+
+def test_played_recording_has_nothing_to_command_prepare_or_record() -> None:
+    state, graph = fresh_state(), Machine()
+    phase(state, "winding")
+    recorded(state, "bag-7")
+    state.player = "bag_player"
+    seen = Desk(state, graph).look()
+    reason = "a recording is played; there is no machine"
+    commanded = ("start", "stop", "reset", "emergency_stop", "record", "mode-drive")
+    assert {seen["off"][name] for name in commanded} == {reason}
+    assert seen["off"]["prepare"] == f"cannot be chosen here: {reason}"
+    assert seen["texts"]["why-off"] == f"Commands are off: {reason}"
+    assert "PLAYBACK" in seen["parts"]["band"]
+    assert "WINDING" not in seen["parts"]["band"]
+    assert "recorded: winding" in seen["parts"]["band"]
+    # The recorder of that day is not at work.
+    assert seen["hidden"]["recording"]
+    assert seen["texts"]["recorded"] == reason
+    assert seen["texts"]["nodes-title"] == "Nodes, as recorded"
 
 
 def test_reason_why_start_is_off_stands_in_words() -> None:
@@ -199,14 +234,83 @@ def test_reason_why_start_is_off_stands_in_words() -> None:
     assert seen["off"]["emergency_stop"] == ""
 
 
-def test_nothing_is_started_while_a_node_is_down() -> None:
+def just_begun(state: ViewState) -> None:
+    phase(state, "idle", ago=0.3)
+
+
+def silent(state: ViewState) -> None:
+    phase(state, "idle", ago=8.0)
+
+
+def unconfigured(state: ViewState) -> None:
+    phase(state, "idle")
+    state.health.lifecycle["cable_fem"] = "unconfigured"
+
+
+def unanswered(state: ViewState) -> None:
+    phase(state, "idle")
+    state.health.lifecycle = {"winding_rig": "active"}
+
+
+@pytest.mark.parametrize(
+    ("known", "reason"),
+    [
+        (lambda _state: None, "nothing is heard of the machine"),
+        (silent, "nothing is heard of the machine"),
+        (just_begun, "the page has just begun to listen"),
+        (unconfigured, "cable_fem is unconfigured; wait for it, or prepare the run"),
+        (unanswered, "cable_fem has not answered yet"),
+    ],
+)
+def test_start_is_offered_by_a_page_that_knows_the_present_alone(known: Any, reason: str) -> None:
+    """As after a restart of the page's process, or of an attached node's."""
+    state = fresh_state()
+    known(state)
+    seen = Desk(state, Machine()).look()
+    assert seen["off"]["start"] == reason
+    assert seen["off"]["stop"] == seen["off"]["emergency_stop"] == ""
+
+
+def test_busy_node_does_not_hold_the_start_back() -> None:
     state = fresh_state()
     phase(state, "idle")
-    state.health.lifecycle = {"winding_rig": "active", "cable_fem": "inactive"}
-    seen = Desk(state, Machine()).look()
-    assert seen["off"]["start"] == "cable_fem is inactive; wait for it, or prepare the run"
-    assert seen["off"]["stop"] == ""
-    assert commands.asleep({"cable_fem": "active", "correction": "no answer"}) == ""
+    state.health.lifecycle["cable_fem"] = "no answer"
+    assert Desk(state, Machine()).look()["off"]["start"] == ""
+
+
+def test_form_is_checked_before_the_present_run_is_given_up() -> None:
+    state = fresh_state()
+    phase(state, "finished")
+    state.time = 17.0
+    desk = at_desk(state)
+    wrong = form(0, **{**OWN, "cable_diameter_mm": 250})
+    assert "Cable diameter, mm must be at most 100, got 250" in desk.ask(
+        "/prepare", form={**wrong, "check": True}
+    )
+    assert desk.look()["alarm"]
+    said = desk.ask("/prepare", form={**form(11), "check": True})
+    assert said.endswith("prepare: the form is complete; the present run will be dropped")
+    assert not desk.look()["alarm"]
+    assert desk.graph.done == []
+
+
+@pytest.mark.parametrize(
+    ("path", "asked", "sentence"),
+    [
+        ("/limits", {"limits": {"error_limit_pct": ""}}, "Error of a length, % is empty; give"),
+        ("/limits", {"limits": {"lay_tolerance_mm": None}}, "Lay, mm is empty; give a number"),
+        (
+            "/prepare",
+            {"form": form(0, **{**OWN, "cylinder_diameter_mm": ""})},
+            "missing Cylinder diameter, mm",
+        ),
+    ],
+)
+def test_empty_field_is_refused_by_its_name(path: str, asked: dict, sentence: str) -> None:
+    desk = at_desk()
+    assert sentence in desk.ask(path, **asked)
+    assert desk.look()["alarm"]
+    assert desk.graph.done == []
 
 
 @pytest.mark.parametrize("name", ["start", "reset"])

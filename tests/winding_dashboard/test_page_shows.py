@@ -1,12 +1,14 @@
 """Snapshots of a run, from the real view state, through the page's real server."""
 
+import asyncio
 import math
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 from controlled_page import note_run
-from simulated_page import Clock, Desk, Machine, fresh_state, phase, served, wound
+from simulated_page import NODES, Clock, Desk, Machine, fresh_state, phase, served, wound
 
 from winding_core.cable.condition import Condition
 from winding_core.cable.material_report import MaterialReport
@@ -120,22 +122,109 @@ def test_numbers_of_the_run_are_shown() -> None:
         assert text in parts["markers"]
 
 
-def test_band_shows_state_condition_progress_and_verdict() -> None:
-    desk = Desk(running(), Machine(), error_limit_pct=4.8)
-    band = desk.look()["parts"]["band"]
+def test_band_says_state_condition_progress_and_what_is_measured() -> None:
+    band = Desk(running(), Machine(), error_limit_pct=4.8).look()["parts"]["band"]
     for text in (
-        "WINDING", "CASE 4", "cylinder 30 mm, cable 4 mm, 3.92 N", "62 %", "12.3 of 20 s, 8 s left",
-        "GOOD", "largest error 2.49 %, limit 4.8 %, P1",
+        "WINDING", "CASE 4", "cylinder 30 mm, cable 4 mm, 3.92 N", "62 %",
+        "12.3 of 20 s machine time, 8 s left",
+        "so far: 1 of 1 markers, largest error 2.49 %, limit 4.8 %, P1",
     ):  # fmt: skip
         assert text in band, text
+    assert "good" not in band.lower()
 
 
-def test_verdict_follows_the_limit_that_an_operator_sets() -> None:
+def test_limit_that_an_operator_sets_is_passed_and_never_kept_before_the_end() -> None:
     desk = Desk(running(), Machine())
-    assert "NOT GOOD" not in desk.look()["parts"]["band"]
+    assert "OVER LIMIT" not in desk.look()["parts"]["band"]
     desk.ask("/limits", limits={"error_limit_pct": 2.0})
-    assert "NOT GOOD" in desk.look()["parts"]["band"]
+    assert "OVER LIMIT" in desk.look()["parts"]["band"]
     assert desk.look()["limits"]["error_limit_pct"] == 2.0
+
+
+def concluded(state: ViewState, verdict: str, *sentences: str) -> None:
+    """Let the orchestrator report how the run came out, as it does again and again."""
+    values = {"verdict": verdict, "sentences": "\n".join(sentences)} if verdict else {}
+    state.note_statuses(time.monotonic(), [Status(name="orchestrator: outcome", values=values)])
+
+
+@pytest.mark.parametrize(
+    ("verdict", "style"),
+    [
+        ("good", "good"),
+        ("not good", "not-good"),
+        ("failed", "not-good"),
+        ("incomplete", ""),
+        ("not judged", ""),
+        ("a word of tomorrow", ""),
+    ],
+)
+def test_verdict_is_the_record_of_the_run_in_its_colour(verdict: str, style: str) -> None:
+    state = running()
+    phase(state, "finished")
+    concluded(state, verdict, "ended by the machine after 1.38 of 6.10 turns", "3 frames lost")
+    band = Desk(state, Machine()).look()["parts"]["band"]
+    cell = f'<div class="cell {style}" data-part="verdict"><p class="word">{verdict.upper()}<'
+    assert cell in band
+    assert "ended by the machine after 1.38 of 6.10 turns; 3 frames lost" in band
+    assert ("good" in band) == (style != "")
+
+
+def test_verdict_of_a_run_that_was_dropped_does_not_come_back() -> None:
+    state = running()
+    phase(state, "finished")
+    desk = Desk(state, Machine())
+    concluded(state, "good", "completed: 7.77 of 7.77 turns")
+    assert "GOOD" in desk.look()["parts"]["band"]
+    desk.ask("/command/reset")
+    concluded(state, "good", "completed: 7.77 of 7.77 turns")
+    assert "GOOD" not in desk.look()["parts"]["band"]
+    # The next run begins, and comes out as the one before.
+    concluded(state, "")
+    concluded(state, "good", "completed: 7.77 of 7.77 turns")
+    assert "GOOD" in desk.look()["parts"]["band"]
+
+
+@pytest.mark.parametrize("refusal", ["", "cable_fem: the cable cannot carry 70 N"])
+def test_prepared_or_refused_condition_ends_what_was_shown_of_the_run_before(refusal: str) -> None:
+    state = running()
+    phase(state, "finished")
+    concluded(state, "good", "completed: 3.30 of 3.30 turns")
+    desk = Desk(state, Machine(refusal=refusal))
+    asyncio.run(desk.served.session.learn_choice())
+    desk.ask("/prepare", form={"case": 8, "law": "linear"})
+    state.health.lifecycle = dict.fromkeys(NODES, "unconfigured" if refusal else "active")
+    band = desk.look()["parts"]["band"]
+    for old in ("GOOD", "WINDING", "CASE 4", "1.74", "3.30", "2.49"):
+        assert old not in band, old
+    assert ("NODES DOWN" in band) == bool(refusal)
+
+
+@pytest.mark.parametrize("name", ["winding_rig", "cable_fem"])
+def test_node_that_is_down_is_named_and_no_machine_winds(name: str) -> None:
+    state = running()
+    state.health.lifecycle[name] = "finalized"
+    band = Desk(state, Machine()).look()["parts"]["band"]
+    assert "NODES DOWN" in band
+    assert f"{name} is finalized; the cylinder turns" in band
+    assert "WINDING" not in band
+
+
+def test_latched_stop_goes_before_another_node_that_is_down() -> None:
+    state = running()
+    phase(state, "protective stop", Level.ERROR, reason="encoder jumps")
+    state.health.lifecycle["cable_fem"] = "inactive"
+    assert "P-STOP" in Desk(state, Machine()).look()["parts"]["band"]
+
+
+def test_silent_encoders_are_neither_winding_nor_ready() -> None:
+    state = running()
+    phase(state, "")
+    for now in (0.0, 2.0):
+        state.tick(now)
+    band = Desk(state, Machine()).look()["parts"]["band"]
+    assert "the encoders are silent; last heard 1.74 rad/s" in band
+    assert "WINDING" not in band
+    assert "READY" not in band
 
 
 def test_refused_limit_names_value_and_bound_and_changes_nothing() -> None:
@@ -145,13 +234,19 @@ def test_refused_limit_names_value_and_bound_and_changes_nothing() -> None:
     assert desk.look()["limits"]["error_limit_pct"] == 4.8
 
 
-def test_finished_run_shows_no_speeds_as_present() -> None:
+def test_finished_machine_stands_after_as_much_as_was_wound() -> None:
     state = running()
     phase(state, "finished")
+    for now in (0.0, 2.0):
+        state.tick(now)
     parts = Desk(state, Machine()).look()["parts"]
-    assert "FINISHED" in parts["band"]
-    assert "100 %" in parts["band"]
-    assert parts["figures"].count("when its clock ended") == 2
+    assert '<div class="cell stopped" data-part="state"><p class="word">FINISHED<' in parts["band"]
+    assert "62 %" in parts["band"]
+    assert "left" not in parts["band"]
+    assert parts["figures"].count("clock has ended") == 2
+    for value in ("0.000", "0.00"):
+        assert f'<p class="value">{value}</p>' in parts["figures"]
+    assert "1.740" not in parts["figures"]
 
 
 def test_stopped_run_shows_where_it_stands() -> None:
@@ -197,7 +292,7 @@ def test_source_that_falls_silent_while_time_goes_on_is_marked_with_its_age() ->
     )
     parts = Desk(state, Machine()).look()["parts"]
     assert "3 s old" in parts["markers"]
-    assert "load cell, 3 s old" in parts["figures"]
+    assert "load cell, 3 s of machine time old" in parts["figures"]
 
 
 def test_material_is_shown_with_its_half_width() -> None:
@@ -243,6 +338,14 @@ def test_text_from_the_graph_is_text_and_never_markup() -> None:
 def test_view_that_cannot_be_is_refused(query: str) -> None:
     answer = Desk(fresh_state(), Machine()).request("GET", f"/snapshot{query}")
     assert answer.status_code == 400
+
+
+def test_cases_that_differ_by_weight_differ_in_their_first_letters() -> None:
+    page = Desk(fresh_state(), Machine()).request("GET", "/").text
+    for case, weight in ((7, "1.96"), (8, "3.92")):
+        assert (
+            f'<option value="{case}">{case}: {weight} N, cylinder 60, cable 2 mm</option>' in page
+        )
 
 
 def test_every_part_of_a_snapshot_has_its_element_on_the_page() -> None:

@@ -1,4 +1,4 @@
-"""A bag that is played looks on the page like the machine that it was recorded of."""
+"""A bag that is played is shown as what it is, with everything that was recorded in it."""
 
 import json
 import subprocess
@@ -28,7 +28,7 @@ def page_url(serving: Any) -> Iterator[str]:
         page.wait(30.0)
 
 
-def test_a_played_bag_looks_like_the_machine(
+def test_a_played_bag_looks_like_playback(
     recorded_run: Any, page_url: str, new_tab: Callable[[str, str], Any], pictures: Any
 ) -> None:
     desk = new_tab("desk", page_url)
@@ -37,7 +37,7 @@ def test_a_played_bag_looks_like_the_machine(
         [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag)]
     )
     try:
-        desk.phase("winding")
+        desk.phase("playback")
         clock: list[float] = []
         while player.poll() is None:
             shown = desk.measured("document.querySelector('#clock').innerText")
@@ -48,7 +48,11 @@ def test_a_played_bag_looks_like_the_machine(
     desk.wait_for(f"document.querySelector('#clock').innerText.startsWith('{5.0:.1f}')")
     assert clock == sorted(clock)
     assert len(set(clock)) > 5
-    assert desk.button("Start").is_disabled()
+    for name in ("Start", "Reset", "EMERGENCY STOP"):
+        assert desk.button(name).is_disabled()
+    reason = "a recording is played; there is no machine"
+    assert desk.page.locator("#recorded").inner_text() == reason
+    assert desk.page.locator("#recording").is_hidden()
     band = desk.page.locator("#band").inner_text()
     assert "case 4" in band.lower()
     desk.shoot(pictures, "played")

@@ -38,7 +38,6 @@ def test_newest_run_comes_first_with_its_own_report(tmp_path: Path) -> None:
     listed = RunList(tmp_path).runs()
     assert [run.report for run in listed] == ["run-2/report/index.html", "report/index.html"]
     assert [run.condition for run in listed] == ["own condition", "case 4"]
-    assert {run.style for run in listed} == {"good"}
 
 
 def test_sessions_of_other_days_are_listed_with_all_their_runs(tmp_path: Path) -> None:
@@ -50,12 +49,45 @@ def test_sessions_of_other_days_are_listed_with_all_their_runs(tmp_path: Path) -
     ]
 
 
-def test_run_that_ended_early_or_missed_its_lay_is_marked(tmp_path: Path) -> None:
-    lay = {"kept": False, "sentence": "the lay does not keep 0.5 mm"}
-    written(tmp_path, when=100.0, ended="emergency stop", verdict=lay)
+@pytest.mark.parametrize(
+    ("verdict", "style"),
+    [
+        ("good", "good"),
+        ("not good", "not-good"),
+        ("failed", "not-good"),
+        ("incomplete", ""),
+        ("not judged", ""),
+    ],
+)
+def test_list_prints_the_record_of_a_run_in_its_colour(
+    tmp_path: Path, verdict: str, style: str
+) -> None:
+    record = {"verdict": verdict, "sentences": ["ended by supervision", "12 frames lost"]}
+    written(tmp_path, when=100.0, outcome=record)
     (run,) = RunList(tmp_path).runs()
-    assert run.style == "not-good"
-    assert run.verdict.startswith("ended early, emergency stop; the lay does not keep 0.5 mm; good")
+    assert run.style == style
+    assert run.verdict == f"{verdict}: ended by supervision; 12 frames lost"
+
+
+def test_runs_from_before_there_was_a_record_are_never_green(tmp_path: Path) -> None:
+    lay = {"kept": True, "sentence": "the lay keeps 0.7 mm"}
+    written(tmp_path, when=100.0, ended="protective stop", verdict=lay)
+    written(tmp_path / "run-2", when=200.0, verdict=lay)
+    whole, broken_off = RunList(tmp_path).runs()
+    assert broken_off.verdict == "ended early: protective stop"
+    assert whole.verdict.startswith("the lay keeps 0.7 mm; good: largest")
+    assert {whole.style, broken_off.style} == {""}
+
+
+def test_runs_that_differ_by_weight_are_told_apart(tmp_path: Path) -> None:
+    for number, weight in enumerate((2.5, 7.25), start=1):
+        values = {"tension_n": weight, "cylinder_diameter_mm": 50.0, "cable_diameter_mm": 3.0}
+        condition = {name: {"value": value} for name, value in values.items()}
+        written(tmp_path / f"run-{number}", when=number, case=0, identity={"condition": condition})
+    assert [run.condition for run in RunList(tmp_path).runs()] == [
+        "own condition: 7.25 N, cylinder 50, cable 3 mm",
+        "own condition: 2.50 N, cylinder 50, cable 3 mm",
+    ]
 
 
 def test_report_that_comes_later_is_found(tmp_path: Path) -> None:

@@ -83,6 +83,7 @@ def serve(node: DashboardNode) -> None:
 
     async def ask() -> None:
         node.state_limits()
+        node.look_for_player()
         node.state.health.lifecycle = await node.service_client.lifecycle()
         await session.learn_choice()
         with contextlib.suppress(CommandError):

@@ -100,6 +100,11 @@ class DashboardNode(Node):  # type: ignore[misc]
         if self._heartbeat is not None:
             self._heartbeat.beat()
 
+    def look_for_player(self) -> None:
+        """Look whether a recording is played in the machine's place; it stays what is shown."""
+        player = self.service_client.player()
+        self.state.player = self.state.player if player is None else player
+
     @property
     def limits(self) -> OperatorLimits:
         """What counts as good now."""

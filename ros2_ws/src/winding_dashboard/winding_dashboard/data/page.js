@@ -13,8 +13,11 @@ let shown = { server: "", sequence: -1, ask: {}, age: 0 };
 let asked = performance.now(); // when the shown snapshot was asked for: it is younger than this
 let late = false;
 let lost = false;
+let others = new AbortController(); // ends every request but those for an emergency stop
 // A form follows the server until something is typed in it, and again once that is taken or discarded.
 const forms = { form: { server: "", edited: new Set() }, limits: { server: "", edited: new Set() } };
+
+const within = (time) => AbortSignal.any([others.signal, AbortSignal.timeout(time)]);
 
 // ---- what is shown
 
@@ -42,6 +45,10 @@ function apply(snapshot) {
     if (picture) byId("picture").src = picture;
   }
   byId("answer").classList.toggle("alarm", snapshot.alarm);
+  for (const dialog of document.querySelectorAll("dialog[open]")) {
+    const of = actionOf(dialog);
+    if (snapshot.ask[of] !== dialog.id || snapshot.off[of]) dialog.close();
+  }
   fill(snapshot);
   tellAge();
 }
@@ -98,7 +105,7 @@ async function look() {
   const began = performance.now();
   const query = new URLSearchParams({ marker: byId("marker").value, yaw: sight.yaw, pitch: sight.pitch });
   try {
-    const answer = await fetch(`snapshot?${query}`, { cache: "no-store", signal: AbortSignal.timeout(PATIENCE) });
+    const answer = await fetch(`snapshot?${query}`, { cache: "no-store", signal: within(PATIENCE) });
     if (!answer.ok) throw new Error(answer.statusText);
     const snapshot = await answer.json();
     lost = false;
@@ -124,37 +131,47 @@ async function look() {
 
 // ---- what is asked for
 
-async function post(path, more = {}) {
+async function post(path, more = {}, signal = within(150000)) {
   const body = JSON.stringify({ server: shown.server, sequence: shown.sequence, ...more });
-  const answer = await fetch(path, {
-    method: "POST", body, headers: { "Content-Type": "application/json" }, signal: AbortSignal.timeout(150000),
-  });
+  const answer = await fetch(path, { method: "POST", body, headers: { "Content-Type": "application/json" }, signal });
   if (!answer.ok) throw new Error(await answer.text());
   return answer.json();
 }
 
 function unanswered(what, error) {
+  if (error.name === "AbortError") return;
   byId("answer").textContent = `${what}: not answered (${error.message}); use the machine's own controls`;
   byId("answer").classList.add("alarm");
 }
 
+// A browser has few connections to a server: whatever else waits for an answer gives its own away.
 async function stopNow() {
-  for (let passed = 0; passed < PATIENCE; passed += AGAIN) {
-    try {
-      return await post("command/emergency_stop");
-    } catch (error) {
-      unanswered("emergency stop", error);
-      await new Promise((wake) => setTimeout(wake, AGAIN));
-    }
+  others.abort();
+  others = new AbortController();
+  let answered = false;
+  const stop = () => post("command/emergency_stop", {}, AbortSignal.timeout(2 * PATIENCE)).then(
+    () => { answered = true; },
+    (error) => { if (!answered) unanswered("emergency stop", error); },
+  );
+  for (let passed = 0; passed < PATIENCE && !answered; passed += AGAIN) {
+    stop();
+    await new Promise((wake) => setTimeout(wake, AGAIN));
   }
+  if (!answered) unanswered("emergency stop", new Error("no answer yet"));
 }
+
+// A browser keeps what is no number to itself.
+const entered = (field) => {
+  if (field.type !== "number") return field.value;
+  if (field.validity.badInput) return "what is no number";
+  return field.value === "" ? "" : Number(field.value);
+};
 
 function typed() {
   const elements = byId("form").elements;
   const fields = {};
   for (const field of document.querySelectorAll("[data-field]")) {
-    if (field.value === "") continue;
-    fields[field.name] = field.type === "number" ? Number(field.value) : field.value;
+    if (entered(field) !== "") fields[field.name] = entered(field);
   }
   return { case: Number(elements.case.value), law: elements.law.value, take_up: elements.take_up.checked, fields };
 }
@@ -172,28 +189,50 @@ async function act(button) {
   }
 }
 
+// A question is no modal dialog: what stops the machine stays within reach of mouse and keyboard.
+const actionOf = (dialog) => dialog.querySelector("[data-act]").dataset.act;
+
+async function ask(button, dialog) {
+  if (button.id === "prepare") {
+    const { refused } = await post("prepare", { form: { ...typed(), check: true } });
+    if (refused) return;
+  }
+  for (const open of document.querySelectorAll("dialog[open]")) open.close();
+  dialog.show();
+}
+
 for (const button of document.querySelectorAll("[data-post]")) {
   button.addEventListener("click", () => {
     const dialog = shown.ask[button.id];
-    if (dialog) byId(dialog).showModal();
-    else act(button);
+    if (!dialog) act(button);
+    else ask(button, byId(dialog)).catch((error) => unanswered(button.textContent.toLowerCase(), error));
   });
 }
+document.addEventListener("keydown", (event) => {
+  if (event.altKey && event.code === "KeyE" && !byId("emergency_stop").disabled) stopNow();
+});
 for (const dialog of document.querySelectorAll("dialog")) {
-  dialog.querySelector("[data-keep]").addEventListener("click", () => dialog.close());
-  dialog.querySelector("[data-act]").addEventListener("click", (event) => {
+  const button = byId(actionOf(dialog));
+  const leave = () => {
     dialog.close();
-    act(byId(event.target.dataset.act));
+    button.focus();
+  };
+  dialog.querySelector("[data-keep]").addEventListener("click", leave);
+  dialog.addEventListener("keydown", (event) => { if (event.key === "Escape") leave(); });
+  dialog.querySelector("[data-act]").addEventListener("click", () => {
+    leave();
+    act(button);
   });
 }
 byId("limits").addEventListener("submit", async (event) => {
   event.preventDefault();
   const values = {};
   for (const field of byId("limits").elements)
-    if (field.name && field.value !== "" && !field.closest("[hidden]")) values[field.name] = Number(field.value);
+    if (field.name && !field.closest("[hidden]")) values[field.name] = entered(field);
   try {
-    const { refused } = await post("limits", { limits: values });
-    if (!refused) release("limits");
+    await post("limits", { limits: values });
+    // Refused or not, the fields show what holds.
+    release("limits");
   } catch (error) {
     unanswered("limits", error);
   }

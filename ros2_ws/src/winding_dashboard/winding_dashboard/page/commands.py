@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,6 +11,8 @@ from winding_core.lay.records import ControlMode
 from winding_core.status import RunPhase
 
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
+# Whatever the page believes of the machine, these are offered and carried out.
+STOPS = (STOP, EMERGENCY_STOP)
 # What the controller of the lay is switched to.
 LAY_CONTROL = {
     ControlMode.OFF: "lay_control_off",
@@ -25,7 +27,6 @@ _OUT_OF_PHASE = {
     (RESET, "winding"): "stop the machine first",
     (RESET, "stopping"): "the machine is still stopping",
 }
-_WORKING = ("active", "no answer", "")
 
 
 class CommandError(RuntimeError):
@@ -82,18 +83,6 @@ class Graph(Protocol):
         Raises:
             CommandError: It was refused or not answered.
         """
-
-
-def asleep(lifecycle: Mapping[str, str]) -> str:
-    """Return which node does not work, so that nothing should be started; empty when all do.
-
-    Args:
-        lifecycle: State of each node that answers, by name.
-    """
-    for node, state in lifecycle.items():
-        if state not in _WORKING:
-            return f"{node} is {state}; wait for it, or prepare the run"
-    return ""
 
 
 def between_runs(command: str, phase: RunPhase | None, *, moving: bool) -> str:

@@ -71,6 +71,11 @@ def form_values(condition: Condition) -> dict[str, Value]:
     )
 
 
+def brief(name: str, *, weight: float, cylinder_mm: float, cable_mm: float) -> str:
+    """Return a condition in few words, the weight [N] first: lists cut what is long."""
+    return f"{name}: {weight:.2f} N, cylinder {cylinder_mm:g}, cable {cable_mm:g} mm"
+
+
 def _whole(item: Declaration, value: object) -> object:
     """Return a browser's number as a whole one where that is declared."""
     if isinstance(item.default, int) and isinstance(value, float) and value.is_integer():

@@ -13,8 +13,8 @@ from winding_dashboard.state.view_state import ViewState
 _MEGA = 1.0e6
 # Votes that are shown; the others are below.
 _SHOWN_VOTES = 3
-# The clock of a simulated machine ends with its run: the last speeds are no present ones.
-_CLOCK_STANDS, _LAST = ("finished", "emergency stop"), "when its clock ended"
+# The clock of a simulated machine ends with its run, at full speed: nothing turns any more.
+_OVER, _STANDS = ("finished", "emergency stop"), "stands; the machine's clock has ended"
 # On the machine's clock an older value is no longer the present one [s].
 OLD = 1.0
 
@@ -56,19 +56,19 @@ def figures(state: ViewState) -> list[Figure]:
     angle = axes.cylinder_angle if axes is not None else math.nan
     carriage = axes.carriage_position if axes is not None else math.nan
     best = next(iter(state.votes), None)
-    over = state.phase in _CLOCK_STANDS
+    over = state.phase in _OVER and state.clock_stands
+    if over:
+        speed = feed = 0.0
     return [
         Figure(
             name="Cylinder, rad/s",
             value=number(speed, 3),
-            remark=_LAST if over else f"set {number(set_speed, 3)}",
-            old=over,
+            remark=_STANDS if over else f"set {number(set_speed, 3)}",
         ),
         Figure(
             name="Carriage, mm/s",
             value=number(feed, 2, PER_METRE),
-            remark=_LAST if over else f"set {number(set_feed, 2, PER_METRE)}",
-            old=over,
+            remark=_STANDS if over else f"set {number(set_feed, 2, PER_METRE)}",
         ),
         *(_measured(state, quantity) for quantity in state.measured),
         Figure(
@@ -90,7 +90,7 @@ def _measured(state: ViewState, quantity: Quantity) -> Figure:
     return Figure(
         name=f"{quantity.name.capitalize()}, {quantity.unit}",
         value=number(state.measured[quantity], quantity.digits),
-        remark=f"{source}, {behind:.0f} s old" if old else source,
+        remark=f"{source}, {behind:.0f} s of machine time old" if old else source,
         old=old,
     )
 

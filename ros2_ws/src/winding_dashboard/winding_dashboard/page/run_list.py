@@ -9,10 +9,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from winding_dashboard.page.condition_form import brief
+from winding_dashboard.state.run_verdict import RunVerdict
+
 # A run's folder has these two; a session's further runs are one level below its first.
 _NUMBERS, _REPORT = "run.json", "report"
 _LEVELS = ("", "*/", "*/*/")
 _MOST = 50
+# Options of a run's condition by which an operator tells it from another.
+_MEASURES = {
+    "tension_n": "weight",
+    "cylinder_diameter_mm": "cylinder_mm",
+    "cable_diameter_mm": "cable_mm",
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,23 +95,19 @@ class RunList:
 
 
 def _listed(content: Mapping[str, Any], report: str) -> ListedRun:
-    verdict = content["error_verdict"]
-    good, sentence = verdict["good"], str(verdict["sentence"])
-    lay = content.get("verdict")
-    if lay is not None:
-        good = None if lay["kept"] is None else bool(lay["kept"]) and good is not False
-        sentence = f"{lay['sentence']}; {sentence}"
-    if content.get("ended"):
-        sentence = f"ended early, {content['ended']}; {sentence}"
+    verdict = RunVerdict.from_record(content)
     return ListedRun(
         date=str(content["identity"].get("date") or "").replace("T", " ").removesuffix("Z"),
         condition=_condition(content),
-        verdict=sentence,
-        style={True: "good", False: "not-good"}.get(good, ""),
+        verdict=": ".join(filter(None, (verdict.word, verdict.sentence))),
+        style=verdict.style,
         report=report,
     )
 
 
 def _condition(content: Mapping[str, Any]) -> str:
     number = int(content["case"])
-    return f"case {number}" if number else "own condition"
+    name = f"case {number}" if number else "own condition"
+    wound = content["identity"].get("condition", {})
+    measures = {item: wound.get(key, {}).get("value") for key, item in _MEASURES.items()}
+    return brief(name, **measures) if all(measures.values()) else name

@@ -168,6 +168,7 @@ class Snapshots:
             "why-off": self._why_off(now),
             "camera-count": f"{tracked} measured in this frame",
             "record": "Stop recording" if recording.on else "Record",
+            "nodes-title": "Nodes, as recorded" if state.player else "Nodes",
             "recorded": recorded,
             "prepare-answer": session.preparing or session.unprepared() or session.refused,
             "control-mode": mode_words(state.control.mode),
@@ -179,7 +180,7 @@ class Snapshots:
         state = self._state
         label, limits = state.label, self._session.limits
         band = (
-            ("state", state_cell(state, now)),
+            ("state", state_cell(state, now, self._session.preparing)),
             ("condition", condition_cell(label)),
             ("progress", progress_cell(state, label)),
             ("verdict", verdict_cell(state, limits)),
@@ -226,11 +227,10 @@ class Snapshots:
         }
 
     def _off(self, now: float) -> dict[str, str]:
-        state, session = self._state, self._session
-        phase = state.phase if state.heard(now) else ""
-        off = {name: session.unavailable(name, phase) for name in TITLES}
+        session = self._session
+        off = {name: session.unavailable(name, now) for name in TITLES}
         off |= {
-            name: session.unavailable(commands.LAY_CONTROL[mode], phase)
+            name: session.unavailable(commands.LAY_CONTROL[mode], now)
             for mode, name in _MODES.items()
         }
         return off | {"record": session.unrecorded(), "prepare": session.unprepared()}
@@ -267,13 +267,10 @@ class Snapshots:
 
     def _why_off(self, now: float) -> str:
         """Return why nothing can be started now, beside Start; empty when it can."""
-        state, session = self._state, self._session
-        phase = state.phase if state.heard(now) else ""
-        missing = session.unavailable(commands.STOP, phase)
-        if missing:
-            return f"Commands are off: {missing}"
-        reason = session.unavailable(commands.START, phase)
-        return f"Start is off: {reason}" if reason and not state.going else ""
+        reason = self._session.unavailable(commands.START, now)
+        if self._state.player:
+            return f"Commands are off: {reason}"
+        return f"Start is off: {reason}" if reason and not self._state.going else ""
 
 
 def _picture_size(state: ViewState) -> tuple[int, int]:

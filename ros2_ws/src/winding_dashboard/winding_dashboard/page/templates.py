@@ -10,8 +10,9 @@ from winding_core.cable.cases import paper_cases
 from winding_core.cable.condition import Condition
 from winding_core.cable.wound_label import WoundLabel
 from winding_core.lay.records import ControlMode
+from winding_core.units import MILLIMETRE
 from winding_dashboard.drawings.run_charts import CHARTS
-from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, hint, label
+from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, brief, hint, label
 from winding_dashboard.page.session import LIMIT_LABELS
 from winding_dashboard.state.marker_rows import MOST_MARKERS
 
@@ -48,7 +49,15 @@ def _field(key: str) -> dict[str, Any]:
 
 def _cases() -> dict[int, str]:
     labels = (WoundLabel.of(Condition(case=case.number).resolved()) for case in paper_cases())
-    rows = {label.case: f"{label.case}: {label.sentence}" for label in labels}
+    rows = {
+        label.case: brief(
+            str(label.case),
+            weight=label.weight,
+            cylinder_mm=label.cylinder_diameter / MILLIMETRE,
+            cable_mm=label.cable_diameter / MILLIMETRE,
+        )
+        for label in labels
+    }
     return rows | {_OWN: "own condition"}
 
 

@@ -36,6 +36,8 @@ _COMMANDS = {
     commands.LAY_CONTROL[ControlMode.WATCH]: services.LAY_CONTROL_WATCH,
     commands.LAY_CONTROL[ControlMode.DRIVE]: services.LAY_CONTROL_DRIVE,
 }
+# Nodes that publish a recording: `winding bag play` and `ros2 bag play`.
+_PLAYERS = ("bag_player", "rosbag2_player")
 _ANSWER = 3.0
 _QUICK = 0.9
 _TAKE_UP = "take_up_material"
@@ -136,6 +138,20 @@ class ServiceClient:
             await self._driver.rebuild(nodes, values, report)
         report("waiting until the nodes hear each other")
         return await self._heard_by(before)
+
+    def player(self) -> str | None:
+        """Return which node plays a recording in the machine's place.
+
+        Empty where a machine can be commanded, None where neither is known.
+        """
+        if any(not self._unserved(service) for service in (services.START, services.STOP)):
+            return ""
+        publishers = {
+            info.node_name
+            for topic in (topics.JOINT_STATES, topics.FEM_MARKERS, topics.TRACKED_MARKERS)
+            for info in self._calls.node.get_publishers_info_by_topic(topic.name)
+        }
+        return next((name for name in _PLAYERS if name in publishers), None)
 
     def unrecorded(self) -> str:
         """Return why the recording cannot be switched now; empty when it can."""

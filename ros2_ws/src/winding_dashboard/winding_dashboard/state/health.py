@@ -14,6 +14,8 @@ SILENCE = 3.5
 # Names of external nodes that are kept before the oldest are forgotten.
 _MOST_NODES = 24
 _MOST_PARTS = 16
+# Lifecycle states in which a node does its work; a busy one does not answer at once.
+_WORKING = ("active", "no answer")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,12 +82,17 @@ class Health:
 
     Args:
         nodes: Names of the nodes that are shown from the start, in order.
+
+    Attributes:
+        first_heard: Wall time of the first report [s]; inf before any.
+        lifecycle: State of each node that answers, by name.
     """
 
     def __init__(self, nodes: Sequence[str]) -> None:
         self._expected = tuple(nodes)
         self._reports: dict[str, dict[str, Status]] = {}
         self._heard: dict[str, float] = {}
+        self.first_heard = float("inf")
         self.lifecycle: dict[str, str] = {}
 
     @property
@@ -95,6 +102,7 @@ class Health:
 
     def note(self, now: float, statuses: Sequence[Status]) -> None:
         """Take the statuses of one message, received at wall time now [s]."""
+        self.first_heard = min(self.first_heard, now)
         for status in statuses:
             node = node_of(status.name)
             parts = self._reports.setdefault(node, {})
@@ -107,15 +115,9 @@ class Health:
             del self._reports[external], self._heard[external]
 
     def message(self, node: str) -> str:
-        """Return the node's own message; empty when it is unknown."""
-        return next(
-            (
-                report.message
-                for name, report in self._reports.get(node, {}).items()
-                if ":" not in name
-            ),
-            "",
-        )
+        """Return the last message of a node, or of a component such as `orchestrator: run`."""
+        report = self._reports.get(node_of(node), {}).get(node)
+        return "" if report is None else report.message
 
     def values(self, component: str) -> Mapping[str, str]:
         """Return what a component such as `winding_rig: topics` last measured."""
@@ -125,6 +127,32 @@ class Health:
     def silent_for(self, node: str, now: float) -> float:
         """Return for how long nothing was heard of a node, at wall time now [s]; inf if ever."""
         return now - self._heard.get(node, float("-inf"))
+
+    def forget(self, node: str) -> None:
+        """Forget what a node has reported of itself: it begins anew."""
+        self._reports.pop(node, None)
+
+    def works(self, node: str) -> bool:
+        """Return whether a node has the lifecycle state in which it works, or none is known."""
+        return self.lifecycle.get(node, "active") in _WORKING
+
+    def down(self, now: float) -> dict[str, str]:
+        """Return what keeps a node from its work by its name, at wall time now [s].
+
+        Nodes that neither report nor answer from the start may be there without either.
+        """
+        found = {}
+        for name in dict.fromkeys((*self._expected, *self.lifecycle)):
+            silent = self.silent_for(name, now)
+            if not self.works(name):
+                found[name] = f"{name} is {self.lifecycle[name]}"
+            elif self.lifecycle.get(name) != "active" and SILENCE < silent < float("inf"):
+                found[name] = f"{name} is silent for {silent:.0f} s"
+        return found
+
+    def unanswered(self) -> str:
+        """Return an expected node whose lifecycle state is not known; empty when all are."""
+        return next((name for name in self._expected if name not in self.lifecycle), "")
 
     def rows(self, now: float) -> list[NodeHealth]:
         """Return one row for each node at wall time now [s], the expected nodes first."""

@@ -23,6 +23,8 @@ from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.control_state import ControlState
 from winding_dashboard.state.health import RECORDER, SILENCE, Health, Recording, recording_of
 from winding_dashboard.state.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
+from winding_dashboard.state.run_verdict import STATUS as VERDICT
+from winding_dashboard.state.run_verdict import RunVerdict
 from winding_dashboard.state.trace import NAN, Trace
 
 # The machine's clock went back by more: a new run, or a recording from its beginning [s].
@@ -33,6 +35,8 @@ _DEFAULT_CABLE_RADIUS = 0.002
 # Ten samples a second for a minute.
 SAMPLES = 600
 STANDING = 0.01
+# Wall time without a new time of the machine after which its clock stands, or is not heard [s].
+_STANDS = 0.5
 # Characters of a message that are shown as text.
 _OTHER_LENGTH = 160
 # Attributes with records that nodes publish while the machine's clock runs.
@@ -62,6 +66,9 @@ class ViewState:
         picture_time: Of the picture [s]; nan before any.
         times: Of the newest message of each source and sensor [s]; nan before any.
         resets: How often the run was forgotten, so that time may begin again.
+        player: Name of the node that plays a recording in the machine's place; empty for a machine.
+        verdict: How the present run came out; None before it is over.
+        clock_stands: Whether the machine's clock has stopped, or is not heard any more.
         advance: Of the commanded helix [m/rad]; nan before any motion.
         control: What the controller of the lay reports.
         speeds: Trace of measured and commanded speeds and the tension.
@@ -76,7 +83,7 @@ class ViewState:
         solver: str,
         quantities: Sequence[Quantity] = (CABLE_TENSION,),
     ) -> None:
-        self._machine, self._solver = machine, solver
+        self.machine, self._solver = machine, solver
         self._quantities = quantities
         self.health = Health(nodes)
         self.control = ControlState()
@@ -89,11 +96,21 @@ class ViewState:
         self.camera: CameraView | None = None
         self.last_data = float("-inf")
         self.resets = 0
+        self.player = ""
+        self.verdict: RunVerdict | None = None
         self.clear()
+
+    def begin_anew(self) -> None:
+        """Forget the run and what was wound: the nodes are built for another."""
+        self.clear()
+        self.health.forget(self._solver)
 
     def clear(self) -> None:
         """Forget the run; health and camera stay."""
         self.resets += 1
+        # The orchestrator repeats the verdict of a run until the next one has begun.
+        self._forgotten, self.verdict = self.health.values(VERDICT), None
+        self.clock_stands = False
         self.time = self._standing_until = NAN
         self._first_motion: tuple[float, float, float] | None = None
         self.axes: AxisReading | None = None
@@ -138,8 +155,8 @@ class ViewState:
     @property
     def phase(self) -> str:
         """Phase that the machine reports; empty when it is not heard."""
-        phase = self.health.values(self._machine).get("phase", "")
-        return phase or self.health.message(self._machine)
+        phase = self.health.values(self.machine).get("phase", "")
+        return phase or self.health.message(self.machine)
 
     @property
     def run_phase(self) -> RunPhase | None:
@@ -150,16 +167,18 @@ class ViewState:
     @property
     def going(self) -> bool:
         """Whether the machine reports that it winds, or is about to come to rest."""
-        return self.phase in ("winding", "stopping")
+        return self.phase in ("winding", "stopping") and self.run_phase is not RunPhase.FAILED
 
     @property
     def reason(self) -> str:
         """Why the machine is in its phase, in its own words; empty when it does not say."""
-        return self.health.values(self._machine).get("reason", "")
+        return self.health.values(self.machine).get("reason", "")
 
     @property
     def label(self) -> WoundLabel | None:
-        """What is wound, as the solver reports it; None before."""
+        """What is wound, as the solver reports it; None before, and while it is taken down."""
+        if not self.health.works(self._solver):
+            return None
         return WoundLabel.from_values(self.health.values(self._solver))
 
     @property
@@ -177,9 +196,13 @@ class ViewState:
         return NAN
 
     def recording(self, now: float) -> Recording:
-        """Return the recorder's report, empty when it is silent at wall time now [s]."""
+        """Return the recorder's report at wall time now [s]; empty when nothing is recorded.
+
+        A session that failed has ended its nodes, and what a player repeats is of another day.
+        """
         silent = self.health.silent_for(RECORDER, now) > SILENCE
-        return Recording() if silent else recording_of(self.health)
+        over = self.run_phase is RunPhase.FAILED or bool(self.player)
+        return Recording() if silent or over else recording_of(self.health)
 
     def heard(self, now: float) -> bool:
         """Return whether anything came lately, at wall time now [s]."""
@@ -189,6 +212,9 @@ class ViewState:
         """Take what nodes say of themselves, received at wall time now [s]."""
         self.health.note(now, statuses)
         self.control.note_statuses(statuses)
+        values = self.health.values(VERDICT)
+        if values != self._forgotten:
+            self._forgotten, self.verdict = {}, RunVerdict.from_values(values)
 
     def note_axes(self, t: float, reading: AxisReading) -> None:
         """Take measured motion; time that goes back begins a new run."""
@@ -242,8 +268,9 @@ class ViewState:
     def tick(self, now: float) -> None:
         """Add one sample to every chart if the machine's clock went on; now is wall time [s]."""
         if math.isnan(self.time) or self.time <= self.speeds.last_time:
+            self.clock_stands = now - self.last_data > _STANDS
             return
-        self.last_data = now
+        self.last_data, self.clock_stands = now, False
         axes, wanted = self.axes, self.setpoints
         if wanted is not None and abs(wanted.angular_speed) > STANDING:
             self.advance = wanted.feed_speed / wanted.angular_speed

@@ -349,7 +349,8 @@ class Supervisor:
         self.log.note(what, node, text, t=self.t, wall=wall)
         level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
         values = {"time": f"{self.t:.3f}"}
-        self._client.tell(self.t, level, "supervision", f"{what}: {node} {text}", values)
+        about = text if text.startswith(node) else f"{node} {text}"
+        self._client.tell(self.t, level, "supervision", f"{what}: {about}", values)
 
 
 def replay_parameters(buffer: RunBuffer, file: Path, since: float = 0.0) -> dict[str, object]:
