@@ -153,6 +153,8 @@ class Endpoints:
     def answer(self, answers: Iterable[Answer]) -> None:
         """Publish answers as they come."""
         for answer in answers:
+            if answer.shown is not None:
+                self.trace.shown(*answer.shown)
             self.publish(answer.topic, answer.message)
 
     def admit(self, topic: Topic, t: float, work: Callable[[], None]) -> bool:
