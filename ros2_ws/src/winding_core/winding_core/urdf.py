@@ -164,7 +164,8 @@ def machine_urdf(
         free_length=what.free_length, end=end, drum_length=length, eye_radius=eye,
         speed=max(abs(what.drive.feed_speed), axes.carriage_speed, limits.speed),
         drum=_drum(case.cylinder_radius, length), eye=_ball(_CARRIAGE_MASS, eye),
-        housing=_drum(0.017, 0.05), small=_ball(1.0e-3, 0.05), quarter_turn=0.5 * math.pi, camera=camera,
+        housing=_drum(0.017, 0.05), small=_ball(1.0e-3, 0.05), quarter_turn=0.5 * math.pi,
+        camera=camera,
         camera_rpy=_roll_pitch_yaw(_FACING @ _rotation(camera.camera_tilt)) if camera else None,
     )  # fmt: skip
 
