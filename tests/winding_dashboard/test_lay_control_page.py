@@ -39,7 +39,11 @@ def said(basis: ControlBasis, **further: float) -> ControlState:
 
 def test_fall_backs_are_named_and_stand_out() -> None:
     assert basis_words(said(ControlBasis.MEASURED), 10.0) == ("the measured lay is fed back", False)
-    for basis, word in ((ControlBasis.MODEL, "TRACKER LOST"), (ControlBasis.RAMP, "SOLVER LOST")):
+    for basis, word in (
+        (ControlBasis.MODEL, "TRACKER LOST"),
+        (ControlBasis.RAMP, "SOLVER LOST"),
+        (ControlBasis.LATE, "COMMANDS LATE"),
+    ):
         text, stands_out = basis_words(said(basis), 10.0)
         assert text.startswith(word)
         assert stands_out
