@@ -24,7 +24,8 @@ class LayControlNode(ManagedNode[LayControlParameters]):
 
     Subscribes to rig/joint_states, rig/tension, tracker/markers, tracker/lay and fem/markers.
     Publishes lay_control/state at 50 Hz and, while it drives, rig/joint_targets and
-    rig/tension_command; targets also while joint states are late. Its three services switch what it does.
+    rig/tension_command; targets also while joint states are late. Its three services switch what
+    it does.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -48,7 +49,7 @@ class LayControlNode(ManagedNode[LayControlParameters]):
         """Begin a new run."""
         self.publish(self._handler.begin(self.get_clock().now().nanoseconds * 1e-9))
         if not self.get_parameter("use_sim_time").value:
-            self._carrier = CommandCarrier(self._handler.carried, self.publish)
+            self._carrier = CommandCarrier(self._handler.carried, self.publish, time.monotonic)
 
     def deactivate(self) -> None:
         """Command nothing any more."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import threading
-import time
 from collections.abc import Callable, Iterable
 
 from winding_ros.runtime.message_handler import Answer
@@ -17,15 +16,18 @@ class CommandCarrier:
     Args:
         carried: Returns the commands to send at a monotonic time [s].
         publish: Sends them, from any thread.
+        clock: Monotonic time [s].
     """
 
     def __init__(
         self,
         carried: Callable[[float], Iterable[Answer]],
         publish: Callable[[Iterable[Answer]], None],
+        clock: Callable[[], float],
     ) -> None:
         self._carried = carried
         self._publish = publish
+        self._clock = clock
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
@@ -37,4 +39,4 @@ class CommandCarrier:
 
     def _run(self) -> None:
         while not self._ended.wait(_PERIOD):
-            self._publish(self._carried(time.monotonic()))
+            self._publish(self._carried(self._clock()))
