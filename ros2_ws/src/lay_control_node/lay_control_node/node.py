@@ -8,7 +8,7 @@ from typing import Any
 
 from lay_control_node.control.cadence import LONGEST_GAP
 from lay_control_node.ros.command_carrier import CommandCarrier
-from lay_control_node.ros.message_handler import LayControlHandler
+from lay_control_node.ros.message_handler import Clocks, LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.status import Level, Status
@@ -42,7 +42,8 @@ class LayControlNode(ManagedNode[LayControlParameters]):
         """Read the program, make the controller; subscribe."""
         # The simulated machine waits for its readers: a gap of simulated time is none of theirs.
         waits = self.get_parameter("use_sim_time").value
-        self._handler = LayControlHandler(self.configuration, None if waits else time.monotonic)
+        clocks = None if waits else Clocks(now=time.monotonic, arrived=self._arrived)
+        self._handler = LayControlHandler(self.configuration, clocks)
         self.endpoints.connect(self._handler)
 
     def activate(self) -> None:
@@ -56,6 +57,9 @@ class LayControlNode(ManagedNode[LayControlParameters]):
         if self._carrier is not None:
             self._carrier.close()
             self._carrier = None
+
+    def _arrived(self) -> float:
+        return 1.0e-9 * self.endpoints.arrived_ns
 
     def status(self) -> Status:
         """Return what the controller does, and what it knows."""
@@ -79,9 +83,9 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             ControlBasis.MEASURED: "by the measured lay",
             ControlBasis.MODEL: "by the model: no lay has been measured for 1.5 turns",
             ControlBasis.RAMP: "by the drive programme: the solver is silent",
-            ControlBasis.LATE: f"by the drive programme: commands were {cadence.largest:.2f} s "
-            f"apart, more than {LONGEST_GAP:g} s, the machine's joint states at most "
-            f"{cadence.largest_of_readings:.2f} s",
+            ControlBasis.LATE: f"by the drive programme: for {cadence.unplanned:.2f} s, more than "
+            f"{LONGEST_GAP:g} s, no command was planned; joint states came at most "
+            f"{cadence.largest_of_readings:.2f} s apart",
         }[newest.basis]
         stays = (
             newest.commanding and abs(newest.ahead) > _BEHIND * self.configuration.following_error

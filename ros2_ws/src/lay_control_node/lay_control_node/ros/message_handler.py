@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -27,8 +28,18 @@ from winding_ros.topic import Topic
 _STANDING = 0.2
 # A stamp of zero means that a command holds from its arrival [s].
 _FIRST_STAMP = 1.0e-9
-# A command without a successor for so many periods is carried on.
+# A command without a successor for so many periods is carried on, for so long at most [s]; a
+# machine that is silent for twice as long is stopped by supervision.
 _CARRIED_AFTER = 2.0
+_CARRIED_FOR = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clocks:
+    """Time as a real machine's commands are counted by; each with an origin of its own."""
+
+    now: Callable[[], float]  # Monotonic time [s]
+    arrived: Callable[[], float]  # When the message that is being taken arrived [s]
 
 
 class _Planned(NamedTuple):
@@ -38,6 +49,7 @@ class _Planned(NamedTuple):
     t: float  # Its stamp [s]
     guide: float  # Place of the carriage [m]
     speed: float  # Its rate [m/s]
+    programme: float  # Rate at which the drive programme advances it [m/s]
 
 
 class LayControlHandler:
@@ -45,8 +57,8 @@ class LayControlHandler:
 
     Args:
         wanted: The controller and its program.
-        clock: Monotonic time [s] by which a real machine waits for commands; None for a machine
-            that waits for its readers, whose time is its readings'.
+        clocks: By which a real machine waits for commands; None for a machine that waits for its
+            readers, whose time is its readings'.
 
     Attributes:
         controller: Of the present run.
@@ -54,11 +66,9 @@ class LayControlHandler:
         cadence: How far apart commands have left.
     """
 
-    def __init__(
-        self, wanted: LayControlParameters, clock: Callable[[], float] | None = None
-    ) -> None:
+    def __init__(self, wanted: LayControlParameters, clocks: Clocks | None = None) -> None:
         self._wanted = wanted
-        self._clock = clock
+        self._clocks = clocks
         self._axes = wanted
         self._period = 1.0 / (topics.LAY_CONTROL_STATE.rate or 1.0)
         # A first setpoint loads what plans it, up to a second of work: before time runs.
@@ -102,7 +112,7 @@ class LayControlHandler:
         """
         if topic is topics.JOINT_STATES:
             t, reading = self._read(data)
-            self.cadence.read(t)
+            self.cadence.read(t if self._clocks is None else self._clocks.arrived())
             if t >= self._due:
                 self._due = max(self._due, t) + self._period - 1.0e-9
                 yield from self._command(t, reading)
@@ -125,7 +135,7 @@ class LayControlHandler:
             self.controller.take_solver(t)
         if not stands(reading):
             self._moved = t
-        now = t if self._clock is None else self._clock()
+        now = t if self._clocks is None else self._clocks.now()
         self.controller.late = self.cadence.late(now)
         setpoint = self.newest = self.controller.advance(t, reading, self._pull)
         yield Answer(
@@ -138,10 +148,12 @@ class LayControlHandler:
             self._planned = None
             self.cadence.rest()
             return
+        self.cadence.plan(now)
         stamp = max(t, _FIRST_STAMP)
         # A machine refuses what is older than the command before it.
         if stamp > self._carried_to:
-            self._planned = _Planned(now, stamp, setpoint.guide, setpoint.guide_speed)
+            programme = self.controller.config.advance_per_radian * reading.angular_speed
+            self._planned = _Planned(now, stamp, setpoint.guide, setpoint.guide_speed, programme)
             yield self._targets(now, stamp, setpoint.guide, setpoint.guide_speed)
         if setpoint.pull is not None:
             command = TensionCommand(t=stamp, force=setpoint.pull)
@@ -150,28 +162,30 @@ class LayControlHandler:
     def carried(self, now: float) -> Iterator[Answer]:
         """Yield the newest command, carried on, where no other has left for two periods.
 
-        It is carried for as long as a gap may be, from any thread: what stays away for longer is
-        for the machine to deal with.
+        It goes on at its own rate for as long as a gap may be, then at the drive programme's for a
+        second: what stays away for longer is for the machine to deal with.
 
         Args:
-            now: By the clock [s].
+            now: Monotonic time [s].
         """
         planned = self._planned
         if planned is None or self.cadence.since(now) < _CARRIED_AFTER * self._period:
             return
         ahead = now - planned.now
-        if ahead > LONGEST_GAP:
+        if ahead > _CARRIED_FOR:
             return
         low, high = self._wanted.guide_travel
-        guide = planned.guide + planned.speed * ahead
+        own = min(ahead, LONGEST_GAP)
+        guide = planned.guide + planned.speed * own + planned.programme * (ahead - own)
         within = min(max(guide, low), high)
         self._carried_to = planned.t + ahead
-        speed = planned.speed if within == guide else 0.0
+        speed = planned.speed if own == ahead else planned.programme
+        speed = speed if within == guide else 0.0
         yield self._targets(now, self._carried_to, within, speed)
 
     def _targets(self, now: float, t: float, guide: float, speed: float) -> Answer:
         """Return a command stamped t [s] in the joint's own unit; it leaves now [s]."""
-        self.cadence.sent(now)
+        self.cadence.send(now)
         scale = self._axes.carriage_scale
         target = AxisTarget(
             position=guide / scale + self._axes.carriage_offset, speed=speed / scale
