@@ -1,14 +1,17 @@
 """What the lay controller answers to encoded messages: commands in the joint's own unit, modes."""
 
 import math
+import subprocess
+import sys
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from lay_control_node.ros.message_handler import LayControlHandler
+from lay_control_node.ros.message_handler import Clocks, LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlBasis, ControlMode
 from winding_core.machine.axes import MachineAxes
@@ -26,8 +29,20 @@ AXES: dict[str, Any] = {"carriage_scale": -1.0e-3, "carriage_offset": 1234.5}
 DRIVE = LayControlParameters().resolved().drive
 
 
-def begun(**parameters: Any) -> LayControlHandler:
-    handler = LayControlHandler(LayControlParameters(**{"control": "drive", **parameters}))
+class Clock:
+    """Time of a test [s], and when the message arrived where that is another."""
+
+    def __init__(self) -> None:
+        self.now, self.arrived = 1000.0, 0.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def begun(clock: Clock | None = None, **parameters: Any) -> LayControlHandler:
+    wanted = LayControlParameters(**{"control": "drive", **parameters})
+    clocks = clock and Clocks(now=clock, arrived=lambda: clock.arrived or clock.now)
+    handler = LayControlHandler(wanted, clocks)
     list(handler.begin(0.0))
     return handler
 
@@ -246,6 +261,125 @@ def test_measured_lay_makes_the_estimate_surer() -> None:
     after = states(wind(handler, 4.0, 4.1))[-1]
     assert after["sigma_free_length"] < before["sigma_free_length"]
     assert after["basis"] == ControlBasis.MEASURED
+
+
+def in_step(handler: LayControlHandler, clock: Clock, start: float, end: float) -> list[Any]:
+    """Wind with a clock that goes with the machine; return the answers."""
+    answers = []
+    for t in instants(start, end):
+        clock.now = 1000.0 + t
+        answers += wind(handler, t, t + PERIOD)
+    return answers
+
+
+@pytest.mark.parametrize(("gap", "late"), [(0.18, False), (0.26, True), (0.9, True)])
+def test_late_commands_follow_the_drive_programme_until_they_are_in_time_again(gap, late):
+    clock = Clock()
+    handler = begun(clock)
+    in_step(handler, clock, 2.7, 3.0)
+    assert handler.cadence.largest == pytest.approx(COMMANDS_PERIOD)
+    # The node gets no processor; what has waited is dealt with at once.
+    clock.now += gap
+    waited = []
+    for t in instants(3.0, 3.0 + gap):
+        clock.arrived = 1000.0 + t
+        waited += wind(handler, t, t + PERIOD)
+    clock.arrived = 0.0
+    assert handler.cadence.largest == pytest.approx(gap, abs=COMMANDS_PERIOD)
+    assert (set(states(waited)["basis"]) == {ControlBasis.LATE}) is late
+    # The machine's own readings came in time.
+    assert handler.cadence.largest_of_readings == pytest.approx(PERIOD)
+    assert handler.cadence.unplanned == pytest.approx(gap, abs=COMMANDS_PERIOD)
+    on_time = states(in_step(handler, clock, 3.0 + gap, 5.1 + gap))
+    if late:
+        programme = DRIVE.advance_per_radian * DRIVE.reading_at(4.9).angular_speed
+        then = on_time[on_time["basis"] == ControlBasis.LATE]
+        assert then["guide_speed"][-1] == pytest.approx(programme, rel=0.01)
+    assert on_time["basis"][-1] != ControlBasis.LATE
+    assert handler.cadence.largest == pytest.approx(gap, abs=COMMANDS_PERIOD)
+
+
+def test_a_machine_whose_readings_stay_away_is_commanded_on_for_a_second():
+    clock = Clock()
+    handler = begun(clock, **AXES)
+    before = []
+    for t in instants(2.7, 3.0):
+        clock.now = 1000.0 + t
+        before += wind(handler, t, t + PERIOD, **AXES)
+        assert not list(handler.carried(clock.now))
+    last, begin = commanded(before)[-1], clock.now
+    carried = []
+    while clock.now < begin + 1.4:
+        clock.now += 0.01
+        carried += [(clock.now, message) for message in commanded(handler.carried(clock.now))]
+    sent = np.array([begin, *(now for now, _ in carried)])
+    # 20 Hz and more; what stays away for longer is for the machine to deal with.
+    assert np.diff(sent).max() < 0.05
+    assert 0.95 < sent[-1] - begin < 1.01
+    programme = DRIVE.reading_at(2.9).feed_speed / AXES["carriage_scale"]
+    place = last
+    for now, message in carried:
+        assert message.name == last.name
+        ahead = now - begin + t - seconds(last)
+        assert seconds(message) - seconds(last) == pytest.approx(ahead, abs=1.0e-6)
+        # At its own rate for as long as a gap may be, then at that of the drive programme.
+        blind = ahead > 0.2
+        rate = programme if blind else last.velocity[0]
+        assert message.velocity[0] == pytest.approx(rate, rel=1.0e-6)
+        step = message.position[0] - place.position[0]
+        slow, fast = sorted((abs(programme), abs(last.velocity[0])))
+        dt = seconds(message) - seconds(place)
+        assert slow * dt - 1.0e-6 <= abs(step) <= fast * dt + 1.0e-6
+        place = message
+    # What the machine reads next of that time is older than what it was commanded.
+    late = commanded(wind(handler, 3.0, 4.1, **AXES))
+    stamps = [seconds(message) for message in (carried[-1][1], *late)]
+    assert stamps == sorted(set(stamps))
+    assert handler.cadence.unplanned == pytest.approx(1.4, abs=0.05)
+    assert handler.cadence.largest == pytest.approx(0.42, abs=0.05)
+
+
+def seconds(message: Any) -> float:
+    return message.header.stamp.sec + 1.0e-9 * message.header.stamp.nanosec
+
+
+def test_a_reading_that_is_missing_is_the_machines_gap():
+    handler = begun()
+    wind(handler, 2.8, 3.0)
+    wind(handler, 3.33, 3.4)
+    assert handler.cadence.largest_of_readings == pytest.approx(0.33, abs=2.0 * PERIOD)
+    # Up to a period passes from a command to the next reading.
+    assert 0.33 < handler.cadence.largest < 0.33 + 1.1 * COMMANDS_PERIOD
+
+
+def test_a_machine_that_is_still_to_be_started_is_not_commanded():
+    handler = begun(await_motion=True)
+    assert not commanded(stood_still(handler, 0.0, 1.0))
+    assert commanded(wind(handler, 1.0, 1.1))
+    # A pause is no gap.
+    stood_still(handler, 1.1, 3.0)
+    wind(handler, 3.0, 3.5)
+    assert handler.cadence.largest == pytest.approx(COMMANDS_PERIOD)
+
+
+def test_the_first_command_loads_nothing():
+    script = """
+import sys
+from tests.lay_control_node.test_handler import begun, wind
+handler = begun(brake=True, markers_every_turn=True)
+before = set(sys.modules)
+assert wind(handler, 0.0, 0.001)
+ours = ("scipy", "numpy", "lay_control_node", "winding_core")
+print([name for name in set(sys.modules) - before if name.startswith(ours)])
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=Path(__file__).parents[2],
+    )
+    assert done.stdout == "[]\n", done.stdout + done.stderr
 
 
 def bad_messages() -> list[Any]:

@@ -20,7 +20,7 @@ from winding_core.machine.incoming_readings import (
 )
 from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.run_options import CameraPlacement
-from winding_core.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, machine_urdf
+from winding_core.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, CarriageLimits, machine_urdf
 from winding_dashboard.state.camera_view import CameraView
 
 DRIVE = DriveProfile()
@@ -154,6 +154,12 @@ def test_tension_beyond_five_weights_is_refused() -> None:
 def frame(urdf: str, link: str, joints: dict[str, float]) -> np.ndarray:
     """Return the pose of a link in the root, shape (4, 4), by the URDF's rules."""
     root = ET.fromstring(urdf)
+    joints = dict(joints)
+    for item in root.iterfind("joint[mimic]"):
+        rule = item.find("mimic")
+        assert rule is not None
+        multiplier, offset = float(rule.get("multiplier", 1.0)), float(rule.get("offset", 0.0))
+        joints[item.get("name", "")] = multiplier * joints[rule.get("joint", "")] + offset
     above = {item.find("child").get("link"): item for item in root.iterfind("joint")}  # type: ignore[union-attr]
     pose = np.eye(4)
     while link in above:
@@ -179,16 +185,14 @@ def numbers(element: ET.Element, key: str) -> np.ndarray:
     return np.array([float(word) for word in (element.get(key) or "").split()])
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_marker_and_guide_stand_where_the_axes_place_them(sign: float) -> None:
+@pytest.mark.parametrize(
+    ("turns", "moves"), [(1.0, 1.0), (-1.0, -1.0), (math.radians(-1.0), 1.0), (2.5, -1.0e-3)]
+)
+def test_marker_and_guide_stand_where_the_axes_place_them(turns: float, moves: float) -> None:
     axes = MachineAxes(
-        cylinder_joint="drum",
-        carriage_joint="slide",
-        cylinder_scale=sign,
-        carriage_scale=sign,
-        cylinder_offset=37.2,
-        carriage_offset=0.1,
-    )
+        cylinder_joint="drum", carriage_joint="slide", cylinder_scale=turns, carriage_scale=moves,
+        cylinder_offset=37.2, carriage_offset=0.1,
+    )  # fmt: skip
     urdf = machine_urdf(WHAT, axes)
     rho, span = WHAT.case.centreline_radius, WHAT.free_length
     for drum, slide in RNG.uniform([-50.0, -0.5], [50.0, 0.5], (20, 2)):
@@ -225,8 +229,59 @@ def test_the_camera_looks_as_tracker_and_page_project(tilt: tuple[float, ...]) -
     np.testing.assert_allclose(seen[:, :2] / seen[:, 2:], page.pixels(points), atol=EXACT)
 
 
+@pytest.mark.parametrize(
+    ("axes", "joint", "ends"),
+    [
+        (MachineAxes(), "carriage_joint", (-0.05, 0.4)),
+        (MachineAxes(carriage_scale=-1.0, carriage_offset=0.3), "carriage_joint", (-0.1, 0.35)),
+        (MachineAxes(carriage_scale=-1.0e-3, carriage_offset=812.0), "carriage_joint_in_m",
+         (-0.05, 0.4)),
+    ],
+)  # fmt: skip
+def test_the_carriage_is_held_to_its_travel_and_speed(
+    axes: MachineAxes, joint: str, ends: tuple[float, float]
+) -> None:
+    limits = CarriageLimits(low=-0.05, high=0.4, speed=0.033)
+    root = ET.fromstring(machine_urdf(WHAT, axes, carriage=limits))
+    limit = root.find(f"joint[@name='{joint}']/limit")
+    assert limit is not None
+    assert [float(limit.get(end, "")) for end in ("lower", "upper")] == pytest.approx(ends)
+    assert float(limit.get("velocity", "")) == 0.033
+
+
+def test_bodies_have_masses_that_a_rigid_body_can_have() -> None:
+    root = ET.fromstring(machine_urdf(WHAT, MachineAxes(carriage_scale=1.0e-3), CameraPlacement()))
+    for link in root.iterfind("link"):
+        if link.get("name") == "winder_axis":
+            continue
+        mass, tensor = link.find("inertial/mass"), link.find("inertial/inertia")
+        assert mass is not None
+        assert tensor is not None
+        assert float(mass.get("value", "")) > 0.0
+        x, y, z = (float(tensor.get(name, "")) for name in ("ixx", "iyy", "izz"))
+        assert min(x, y, z) > 0.0
+        # No moment exceeds the sum of the others.
+        assert 2.0 * max(x, y, z) <= x + y + z
+    drum = root.find("link[@name='cylinder']")
+    assert drum is not None
+    shapes = [drum.find(f"{part}/geometry/cylinder") for part in ("visual", "collision")]
+    assert shapes[0] is not None
+    assert shapes[1] is not None
+    assert shapes[0].attrib == shapes[1].attrib
+    radius, length = (float(shapes[0].get(name, "")) for name in ("radius", "length"))
+    tensor, mass = drum.find("inertial/inertia"), drum.find("inertial/mass")
+    assert tensor is not None
+    assert mass is not None
+    per_mass = {name: float(tensor.get(name, "")) / float(mass.get("value", ""))
+                for name in ("ixx", "izz")}  # fmt: skip
+    assert per_mass == pytest.approx(
+        {"ixx": (3.0 * radius**2 + length**2) / 12.0, "izz": radius**2 / 2.0}
+    )
+
+
 def test_every_link_hangs_on_the_frame_of_the_messages() -> None:
-    root = ET.fromstring(machine_urdf(WHAT, MachineAxes(), CameraPlacement()))
+    axes = MachineAxes(cylinder_scale=math.pi, carriage_scale=1.0e-3)
+    root = ET.fromstring(machine_urdf(WHAT, axes, CameraPlacement()))
     children = [item.get("link") for item in root.iterfind("joint/child")]
     links = {item.get("name") for item in root.iterfind("link")}
     assert links - set(children) == {"winder_axis"}

@@ -24,7 +24,6 @@ from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import DriveProfile, TurningDrive
 from winding_core.markers import MarkerLook, wound_markers
 from winding_core.parameters import build
-from winding_core.urdf import machine_urdf
 
 NOT_FINITE = (math.nan, math.inf)
 CASE = {
@@ -108,8 +107,6 @@ REFUSALS: list[Refusal] = [
     (lambda: PronySeries.parse("+".join(["0.01:1"] * 9)), "at most 8 terms, got 9"),
     (lambda: MachineAxes(cylinder_joint="spindle", carriage_joint="spindle"),
      "must be two joints, got spindle"),
-    (lambda: machine_urdf(Condition(case=4).resolved(), MachineAxes(cylinder_scale=0.01745)),
-     r"cylinder_scale must be 1 or -1, got 0\.01745"),
     (lambda: configured(cylinder_diamter=0.03),
      r"^node /winding/rig has no parameter cylinder_diamter; did you mean cylinder_diameter\?$"),
     (lambda: configured(case=13), "^case must be one of 1 to 12, got 13"),

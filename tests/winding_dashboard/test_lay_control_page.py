@@ -38,11 +38,12 @@ def control_state(basis: ControlBasis, **further: float) -> ControlState:
 
 
 def test_fall_backs_are_named_and_stand_out() -> None:
-    assert basis_words(control_state(ControlBasis.MEASURED), 10.0) == (
-        "the measured lay is fed back",
-        False,
-    )
-    for basis, word in ((ControlBasis.MODEL, "TRACKER LOST"), (ControlBasis.RAMP, "SOLVER LOST")):
+    assert basis_words(control_state(ControlBasis.MEASURED), 10.0) == ("the measured lay is fed back", False)
+    for basis, word in (
+        (ControlBasis.MODEL, "TRACKER LOST"),
+        (ControlBasis.RAMP, "SOLVER LOST"),
+        (ControlBasis.LATE, "COMMANDS LATE"),
+    ):
         text, stands_out = basis_words(control_state(basis), 10.0)
         assert text.startswith(word)
         assert stands_out

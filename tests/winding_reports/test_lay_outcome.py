@@ -99,6 +99,7 @@ def test_estimates_and_bases_are_those_of_the_run(driven: LayOutcome) -> None:
         ControlBasis.MEASURED: 1.0,
         ControlBasis.MODEL: 0.0,
         ControlBasis.RAMP: 0.0,
+        ControlBasis.LATE: 0.0,
     }
 
 

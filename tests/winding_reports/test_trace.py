@@ -118,6 +118,26 @@ def test_a_driver_that_stamps_by_the_clock_gives_the_exposure_time() -> None:
     assert found["camera: expose and read out"] == 6 * HOP
 
 
+@pytest.mark.parametrize("ahead", [64 * HOP, -20 * HOP, 2.5 * HOP], ids=["ahead", "behind", "late"])
+def test_frames_of_a_camera_with_a_clock_of_its_own_count_from_their_exposure(ahead: float) -> None:
+    noted = records(lengths=4)
+    stamped = (noted["channel"] == Channel.FRAME) | (noted["channel"] == Channel.TRACKED)
+    # Frame k is exposed at BEGIN + k and sent two hops later.
+    noted["stamp"][stamped] = BEGIN + np.round(noted["stamp"][stamped] / 0.02) + ahead
+    noted = noted[noted["station"] != Station.RIG]
+    # The tracker knows the clock from the third frame on, and half a hop too late.
+    known = noted[(noted["channel"] == Channel.FRAME)][2:].copy()
+    known["event"], known["sent"], known["arrived"] = EXPOSED, 0.0, 0.0
+    known["began"] = known["stamp"] - ahead + 0.5 * HOP
+    trace = length_trace(np.concatenate([noted, known]))
+    assert len(trace.camera.stamps) == 4
+    np.testing.assert_array_equal(trace.camera.whole, 11.5 * HOP)
+    # One that seems to be exposed after it was sent was exposed when it was sent.
+    known["began"] += 2.0 * HOP
+    trace = length_trace(np.concatenate([noted, known]))
+    np.testing.assert_array_equal(trace.camera.whole, 10.0 * HOP)
+
+
 def test_lengths_without_a_frame_have_a_way_from_the_encoder_only() -> None:
     noted = records()
     trace = length_trace(noted[noted["channel"] != Channel.FRAME])

@@ -115,6 +115,23 @@ def test_pauses_and_a_camera_clock_that_is_off_change_no_length(
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 
 
+@pytest.mark.parametrize("cell", [{"camera_offset": 0.083}], indirect=True, ids=str)
+def test_the_trace_follows_frames_whose_stamps_are_ahead_of_their_exposure(
+    wind: Callable[..., Wound], tmp_path: Path
+) -> None:
+    wound = wind(*CORRECTED, "--trace", tmp_path / "trace.json")
+    assert wound.code == 0, wound.output
+    events = json.loads((tmp_path / "trace.json").read_text(encoding="utf-8"))["traceEvents"]
+    ways: dict[str, list[float]] = {"camera": [], "prediction": []}
+    for event in events:
+        if event["ph"] == "b" and event["name"] == "corrected length":
+            ways[event["cat"]].append(event["args"]["stamp_s"])
+    followed = [t for t in ways["prediction"] if t >= min(ways["camera"])]
+    assert sorted(ways["camera"]) == sorted(followed)
+    # Predictions come at 50 Hz, and the camera is there from the start on.
+    assert len(followed) > 45 * DURATION
+
+
 # At a steady speed the offset is hidden in the shift of P0; what it hides comes out at standstill.
 @pytest.mark.parametrize(
     "cell",

@@ -1,7 +1,6 @@
 """Supervision: stamps, restarts, vitals, second publishers, how the machine is described."""
 
 import json
-import math
 import os
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
 from winding_core.run_options import CameraPlacement
 from winding_core.status import Level
-from winding_core.urdf import machine_urdf
+from winding_core.urdf import CarriageLimits, machine_urdf
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic
@@ -188,7 +187,10 @@ def config(tmp_path: Path) -> RunConfig:
     return RunConfig(
         directory=tmp_path,
         condition={"case": 8},
-        own={topics.TRACKER: {"camera_position": [0.5, 0.0, 0.1]}},
+        own={
+            topics.TRACKER: {"camera_position": [0.5, 0.0, 0.1]},
+            topics.RIG: {"carriage_travel": [-0.2, 0.7], "carriage_speed_limit": 0.05},
+        },
         duration=20.0,
     )
 
@@ -205,18 +207,9 @@ def test_a_late_subscriber_gets_the_machine_of_the_run(ros: Any, tmp_path: Path)
         Condition(case=8).resolved(),
         MachineAxes(cylinder_offset=37.2),
         CameraPlacement(camera_position=[0.5, 0.0, 0.1]),
+        CarriageLimits(low=-0.2, high=0.7, speed=0.05),
     )
     assert reported == []
-
-
-def test_a_machine_without_a_urdf_is_reported(ros: Any, tmp_path: Path) -> None:
-    reported: list[str] = []
-    axes = {"carriage_scale": math.pi}
-    describe_machine(config(tmp_path), axes, ros.plain("orchestrator"), reported.append)
-    assert reported == [
-        "no robot_description: a URDF joint is in rad or m: carriage_scale must be 1 or -1, "
-        "got 3.14159"
-    ]
 
 
 def test_a_watch_that_was_held_takes_no_topic_for_silent() -> None:

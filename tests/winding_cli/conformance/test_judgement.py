@@ -10,6 +10,7 @@ import pytest
 from winding_cli.cell.driver_judgement import (
     Finding,
     Heard,
+    camera_lead,
     judge_camera,
     judge_clock,
     judge_encoder,
@@ -20,6 +21,7 @@ from winding_cli.cell.driver_judgement import (
 )
 
 RUNNING = (1.74, 5.0e-3)
+CAMERA_CLOCK = "camera/image_raw: stamped at exposure by the encoder's clock"
 
 
 def winding_encoder(rate: float = 1000.0, seconds: float = 1.0) -> Heard:
@@ -104,8 +106,44 @@ def test_of_two_topics_one_may_be_heard_first_and_last() -> None:
 def test_a_camera_with_a_clock_of_its_own_is_found() -> None:
     frames = Heard(stamps=[1000.1, 1000.2])
     found = broken(judge_camera(frames, frames, winding_encoder()))
-    assert found == ["camera/image_raw: stamped by the encoder's clock"]
+    assert found == [CAMERA_CLOCK]
     assert not judge_clock([frames, winding_encoder()]).kept
+
+
+def arriving(rate: float, *, offset: float, latency: float, epoch: float = 2.0e9) -> Heard:
+    """Return what is heard of a topic whose clock is ahead by an offset [s]."""
+    t = epoch + np.arange(0.0, 2.0, 1.0 / rate)
+    late = np.random.default_rng(3).exponential(1.0e-3, len(t))
+    return Heard(stamps=(t + offset).tolist(), arrived=(t + latency + late).tolist())
+
+
+@pytest.mark.parametrize(
+    ("rate", "offset", "latency", "kept"),
+    [
+        (125.0, 0.0, 0.006, True),
+        (125.0, 0.053, 0.009, False),
+        (30.0, 0.053, 0.041, False),
+        (30.0, -0.021, 0.012, True),
+        (500.0, 0.0071, 0.0015, False),
+    ],
+)
+@pytest.mark.parametrize("encoder_epoch", [0.0, 5.0e4], ids=["system's clock", "own clock"])
+def test_the_cameras_clock_is_a_number_with_its_uncertainty(
+    rate: float, offset: float, latency: float, kept: bool, encoder_epoch: float
+) -> None:
+    joints = arriving(400.0, offset=-encoder_epoch, latency=0.0002)
+    frames = arriving(rate, offset=offset - encoder_epoch, latency=latency)
+    lead = camera_lead(frames, joints)
+    assert lead is not None
+    # The quickest twentieth of the messages waited for 0.05 ms.
+    assert abs(lead.offset - offset) <= lead.error + 2.0e-4
+    # Stamps since 1970 are known to 0.24 us.
+    assert lead.error == pytest.approx(1.0 / rate, abs=1.0e-6)
+    clock = list(judge_camera(frames, frames, joints))[-1]
+    assert clock.promise == CAMERA_CLOCK
+    assert f"{1e3 * lead.offset:+.1f} +- {1e3 / rate:.1f} ms ahead" in clock.measured
+    assert clock.kept is kept
+    assert ("--camera-clock-correction" in clock.measured) is not kept
 
 
 def test_running_and_standing_leave_a_gap_between_them() -> None:
@@ -151,5 +189,83 @@ def test_a_driver_that_breaks_a_promise_is_found(
 def test_no_driver_is_reported_in_one_sentence(tmp_path: Path, command: Callable[..., Any]) -> None:
     done = command("conform", "--namespace", "empty", "--no-camera", cwd=tmp_path)
     assert done.returncode == 1
-    assert "no sample on rig/joint_states within 10 s" in done.stderr
+    assert "no message on rig/joint_states within 10 s" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+ONE_EACH = """for k, name in enumerate(state.name):
+                one = JointState(header=state.header, name=[name])
+                one.position = state.position[k : k + 1]
+                self.joints.publish(one)"""
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("driver", "sentence"),
+    [
+        (
+            {'["cylinder_joint", "carriage_joint"]': '["mandrel", "sled"]'},
+            "messages/s arrive on rig/joint_states with joints mandrel, sled; configured are "
+            "cylinder_joint and carriage_joint: --cylinder-joint and --carriage-joint name others",
+        ),
+        (
+            {"self.joints.publish(state)": ONE_EACH},
+            "messages/s arrive on rig/joint_states with joints carriage_joint, cylinder_joint, one "
+            "in each; each message needs both cylinder_joint and carriage_joint",
+        ),
+        (
+            {"state.position = [self.angle,": "state.position = [float('nan'),"},
+            "messages/s arrive on rig/joint_states and none can be read: joint state must be "
+            "finite",
+        ),
+    ],
+    indirect=["driver"],
+    ids=["other names", "one joint in each message", "not a number"],
+)
+def test_joint_states_that_are_of_no_use_are_described(
+    driver: Any, sentence: str, tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    done = command(
+        *("conform", "--namespace", driver.namespace, "--no-camera", "--seconds", 1), cwd=tmp_path
+    )
+    assert done.returncode == 1
+    rate, _, rest = done.stderr.strip().removeprefix("winding: ").partition(" ")
+    assert int(rate) > 0
+    assert rest.startswith(sentence), done.stderr
+
+
+BEFORE = "rig/joint_targets before rig/start: change nothing"
+LATE = "rig/joint_targets stamped 2 s ago: change nothing"
+FOLLOWED = "rig/joint_targets while it winds: the carriage goes where it is commanded"
+LOST = "rig/joint_targets end in motion: both axes stand within 2 s"
+
+
+@pytest.mark.campaign
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("driver", "broken"),
+    [
+        ({}, None),
+        (
+            {"if not self.goal or abs": "if abs", "self.share * min(max(way": "min(max(way"},
+            BEFORE,
+        ),
+        ({"or abs(age) > DEAD_MAN": ""}, LATE),
+        ({"way / 0.05": "way / 50.0"}, FOLLOWED),
+        ({"since > DEAD_MAN": "since > 1.0e9"}, LOST),
+    ],
+    indirect=["driver"],
+    ids=["all kept", "takes early ones", "takes late ones", "lags", "goes on without"],
+)
+def test_what_a_driver_does_with_commands_is_found(
+    driver: Any, broken: str | None, tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    done = command(
+        *("conform", "--namespace", driver.namespace, "--no-camera", "--seconds", 0.5, "--move"),
+        cwd=tmp_path,
+    )
+    lines = done.stdout.splitlines()
+    found = [line.removeprefix("BROKEN  ") for line in lines if line.startswith("BROKEN")]
+    assert [line.startswith(broken) for line in found] == ([True] if broken else []), done.stdout
+    for promise in {BEFORE, LATE, FOLLOWED, LOST} - {broken}:
+        assert any(line.startswith(f"kept    {promise}") for line in lines), done.stdout

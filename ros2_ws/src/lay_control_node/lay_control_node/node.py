@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any
 
-from lay_control_node.ros.message_handler import LayControlHandler
+from lay_control_node.control.cadence import LONGEST_GAP
+from lay_control_node.ros.command_carrier import CommandCarrier
+from lay_control_node.ros.message_handler import Clocks, LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.status import Level, Status
@@ -21,11 +24,13 @@ class LayControlNode(ManagedNode[LayControlParameters]):
 
     Subscribes to rig/joint_states, rig/tension, tracker/markers, tracker/lay and fem/markers.
     Publishes lay_control/state at 50 Hz and, while it drives, rig/joint_targets and
-    rig/tension_command. Its three services switch what it does.
+    rig/tension_command; targets also while joint states are late. Its three services switch what
+    it does.
     """
 
     def __init__(self, **kwargs: Any) -> None:
         super().__init__(graph.LAY_CONTROL, LayControlParameters, **kwargs)
+        self._carrier: CommandCarrier | None = None
         for service, mode in (
             (services.LAY_CONTROL_OFF, ControlMode.OFF),
             (services.LAY_CONTROL_WATCH, ControlMode.WATCH),
@@ -35,12 +40,26 @@ class LayControlNode(ManagedNode[LayControlParameters]):
 
     def configure(self) -> None:
         """Read the program, make the controller; subscribe."""
-        self._handler = LayControlHandler(self.configuration)
+        # The simulated machine waits for its readers: a gap of simulated time is none of theirs.
+        waits = self.get_parameter("use_sim_time").value
+        clocks = None if waits else Clocks(now=time.monotonic, arrived=self._arrived)
+        self._handler = LayControlHandler(self.configuration, clocks)
         self.endpoints.connect(self._handler)
 
     def activate(self) -> None:
         """Begin a new run."""
         self.publish(self._handler.begin(self.get_clock().now().nanoseconds * 1e-9))
+        if not self.get_parameter("use_sim_time").value:
+            self._carrier = CommandCarrier(self._handler.carried, self.publish, time.monotonic)
+
+    def deactivate(self) -> None:
+        """Command nothing any more."""
+        if self._carrier is not None:
+            self._carrier.close()
+            self._carrier = None
+
+    def _arrived(self) -> float:
+        return 1.0e-9 * self.endpoints.arrived_ns
 
     def status(self) -> Status:
         """Return what the controller does, and what it knows."""
@@ -55,11 +74,18 @@ class LayControlNode(ManagedNode[LayControlParameters]):
                 values={"mode": mode.name.lower()},
             )
         lay = newest.lay
-        fallen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.RAMP
+        cadence = handler.cadence
+        fallen = mode is ControlMode.DRIVE and newest.basis in (
+            ControlBasis.RAMP,
+            ControlBasis.LATE,
+        )
         basis = {
             ControlBasis.MEASURED: "by the measured lay",
             ControlBasis.MODEL: "by the model: no lay has been measured for 1.5 turns",
             ControlBasis.RAMP: "by the drive programme: the solver is silent",
+            ControlBasis.LATE: f"by the drive programme: for {cadence.unplanned:.2f} s, more than "
+            f"{LONGEST_GAP:g} s, no command was planned; joint states came at most "
+            f"{cadence.largest_of_readings:.2f} s apart",
         }[newest.basis]
         stays = (
             newest.commanding and abs(newest.ahead) > _BEHIND * self.configuration.following_error
@@ -74,6 +100,8 @@ class LayControlNode(ManagedNode[LayControlParameters]):
             values={
                 "mode": mode.name.lower(),
                 "basis": newest.basis.name.lower(),
+                "largest_gap_s": f"{cadence.largest:.3f}",
+                "largest_gap_of_joint_states_s": f"{cadence.largest_of_readings:.3f}",
                 "error_mm": f"{1e3 * (lay.z - newest.wanted_z):.3f}",
                 "sigma_mm": f"{1e3 * lay.sigma_z:.3f}",
                 "free_length_mm": f"{1e3 * lay.free_length:.1f}",

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 class TraceEvent(IntEnum):
     """What a record is about.
 
-    EXPOSED: A frame, from the instant that it shows until its pixels are there.
+    EXPOSED: A frame, from the instant that it shows until its pixels are there, or until the
+        tracker has measured it that knows the camera's clock.
     TAKEN: A message, by a node that hears it; from the beginning of its callback to the end.
     PUBLISHED: A message, by its publisher; from the call of `publish` to its return.
     """
@@ -55,6 +56,8 @@ TRACE_DTYPE = np.dtype(
     ],
     align=True,
 )
+# Who stamps by the clock of the system does it less than this before a message is dealt with [s].
+STAMPED_BY_CLOCK = 5.0
 _KINDS: dict[str, type[IntEnum]] = {"event": TraceEvent, "channel": Channel, "station": Station}
 
 

@@ -8,7 +8,8 @@ open.
 from __future__ import annotations
 
 import json
-from bisect import bisect_right
+import math
+from bisect import bisect_left, bisect_right
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,10 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.trace import Channel, Station, TraceEvent
-
-# A driver that stamps by the wall clock stamps its frames less than this before it sends them [s].
-_STAMPED_BY_CLOCK = 5.0
+from winding_core.trace import STAMPED_BY_CLOCK, Channel, Station, TraceEvent
 
 Floats = NDArray[np.float64]
 _Key = tuple[int, int, int]
@@ -187,9 +185,12 @@ def _exposed(events: _Events, frame: np.void) -> list[float] | None:
     if shown is not None:
         handed = events.last(TraceEvent.PUBLISHED, Channel.FRAME, Station.RIG, sent, stamp)
         return [float(shown["began"]), sent if handed is None else float(handed["began"])]
-    if 0.0 <= sent - stamp < _STAMPED_BY_CLOCK:
-        return [stamp, sent]
-    return None
+    ahead = events.camera_ahead(stamp)
+    exposed = stamp - (ahead or 0.0)
+    # A frame is sent after its exposure; what the tracker knows of the clock errs by a little.
+    if ahead is not None and exposed > sent > exposed - STAMPED_BY_CLOCK:
+        exposed = sent
+    return [exposed, sent] if 0.0 <= sent - exposed < STAMPED_BY_CLOCK else None
 
 
 def _work_began(events: _Events, frame: np.void, measured: float) -> float:
@@ -246,6 +247,12 @@ class _Events:
             for stamp in (None, float(row["stamp"])):
                 self._rows[key, stamp].append(row)
                 self._began[key, stamp].append(float(row["began"]))
+        shown = (int(TraceEvent.EXPOSED), int(Channel.FRAME), int(Station.TRACKER))
+        self._ahead = sorted(
+            (float(row["stamp"]), ahead)
+            for row in self._rows.get((shown, None), ())
+            if abs(ahead := float(row["stamp"] - row["began"])) < STAMPED_BY_CLOCK
+        )
 
     def all(self, *key: int) -> list[np.void]:
         """Return the records of a kind."""
@@ -259,6 +266,14 @@ class _Events:
         key = ((event, channel, station), stamp)
         count = bisect_right(self._began.get(key, ()), before)
         return self._rows[key][count - 1] if count else None
+
+    def camera_ahead(self, stamp: float) -> float | None:
+        """Return how far a camera's clock is ahead at a stamp [s], as far as the tracker knew.
+
+        What it did not know yet it knew with the first frame after that; None where it never did.
+        """
+        at = bisect_left(self._ahead, (stamp, -math.inf))
+        return self._ahead[min(at, len(self._ahead) - 1)][1] if self._ahead else None
 
 
 @dataclass(frozen=True, kw_only=True)

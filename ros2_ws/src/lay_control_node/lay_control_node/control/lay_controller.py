@@ -144,6 +144,7 @@ class LayController:
     stretch: StretchFilter  # Estimate of the tension at lay-on
     landing: LandingLaw | None = None
     mode: ControlMode = ControlMode.WATCH  # What is done with the result
+    late: bool = False  # Whether commands leave too late for what has been measured to be fed back
     innovations: list[float] = field(default_factory=list)
     _landed: LandedMarkers = field(default_factory=LandedMarkers)
     _guide: BoundedMotion | None = None
@@ -193,7 +194,7 @@ class LayController:
         basis = self._basis(t) if driving or not self._driven else ControlBasis.RAMP
         guide, lay = self._guide, self.lay.estimate()
         guide.wait_for(reading.carriage_position, self.config.following_error)
-        if basis is ControlBasis.RAMP:
+        if basis in (ControlBasis.RAMP, ControlBasis.LATE):
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
         else:
             turned = reading.angular_speed * dt
@@ -239,6 +240,8 @@ class LayController:
         patience = self.config.solver_patience
         if math.isfinite(patience) and t - (self._solver_heard or 0.0) > patience:
             return ControlBasis.RAMP
+        if self.late:
+            return ControlBasis.LATE
         seen = self.lay.estimate().theta - self.lay.measured_to <= self.config.unseen_angle
         return ControlBasis.MEASURED if seen else ControlBasis.MODEL
 

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
+from lay_control_node.control.cadence import LONGEST_GAP, Cadence
 from lay_control_node.control.lay_controller import LayController, Setpoint
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode, LayControlRecords
@@ -25,6 +28,28 @@ from winding_ros.topic import Topic
 _STANDING = 0.2
 # A stamp of zero means that a command holds from its arrival [s].
 _FIRST_STAMP = 1.0e-9
+# A command without a successor for so many periods is carried on, for so long at most [s]; a
+# machine that is silent for twice as long is stopped by supervision.
+_CARRIED_AFTER = 2.0
+_CARRIED_FOR = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clocks:
+    """Time as a real machine's commands are counted by; each with an origin of its own."""
+
+    now: Callable[[], float]  # Monotonic time [s]
+    arrived: Callable[[], float]  # When the message that is being taken arrived [s]
+
+
+class _Planned(NamedTuple):
+    """A command of the carriage as it was planned."""
+
+    now: float  # When it left, by the clock [s]
+    t: float  # Its stamp [s]
+    guide: float  # Place of the carriage [m]
+    speed: float  # Its rate [m/s]
+    programme: float  # Rate at which the drive programme advances it [m/s]
 
 
 class LayControlHandler:
@@ -32,16 +57,27 @@ class LayControlHandler:
 
     Args:
         wanted: The controller and its program.
+        clocks: By which a real machine waits for commands; None for a machine that waits for its
+            readers, whose time is its readings'.
 
     Attributes:
         controller: Of the present run.
         newest: Last setpoint; None before the first joint state.
+        cadence: How far apart commands have left.
     """
 
-    def __init__(self, wanted: LayControlParameters) -> None:
+    def __init__(self, wanted: LayControlParameters, clocks: Clocks | None = None) -> None:
         self._wanted = wanted
+        self._clocks = clocks
         self._axes = wanted
         self._period = 1.0 / (topics.LAY_CONTROL_STATE.rate or 1.0)
+        # A first setpoint loads what plans it, up to a second of work: before time runs.
+        rest = AxisReading(
+            cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
+        )
+        controller = wanted.new_controller()
+        controller.mode = ControlMode.DRIVE
+        controller.advance(0.0, rest, wanted.resolved().case.weight)
         # Messages of a machine may arrive before the first run begins.
         self._restart(wanted.new_controller())
 
@@ -60,6 +96,9 @@ class LayControlHandler:
         self._start: float | None = None
         self._due = -math.inf
         self._moved = -math.inf
+        self.cadence = Cadence()
+        self._planned: _Planned | None = None
+        self._carried_to = -math.inf
 
     def switch(self, mode: ControlMode) -> None:
         """Do something else with what is found from now on."""
@@ -73,6 +112,7 @@ class LayControlHandler:
         """
         if topic is topics.JOINT_STATES:
             t, reading = self._read(data)
+            self.cadence.read(t if self._clocks is None else self._clocks.arrived())
             if t >= self._due:
                 self._due = max(self._due, t) + self._period - 1.0e-9
                 yield from self._command(t, reading)
@@ -95,26 +135,64 @@ class LayControlHandler:
             self.controller.take_solver(t)
         if not stands(reading):
             self._moved = t
+        now = t if self._clocks is None else self._clocks.now()
+        self.controller.late = self.cadence.late(now)
         setpoint = self.newest = self.controller.advance(t, reading, self._pull)
         yield Answer(
             topic=topics.LAY_CONTROL_STATE,
             message=encode_cloud(t, _record(setpoint, self.controller.mode)),
         )
-        beginning = t - self._start < _STANDING
+        # A real machine takes commands only once it was started.
+        beginning = t - self._start < _STANDING and not self._axes.await_motion
         if not setpoint.commanding or (t - self._moved > _STANDING and not beginning):
+            self._planned = None
+            self.cadence.rest()
             return
-        scale = self._axes.carriage_scale
-        target = AxisTarget(
-            position=setpoint.guide / scale + self._axes.carriage_offset,
-            speed=setpoint.guide_speed / scale,
-        )
+        self.cadence.plan(now)
         stamp = max(t, _FIRST_STAMP)
-        targets = encode_targets(JointTargets(t=stamp, axes={CARRIAGE: target}))
-        targets.name = [self._axes.carriage_joint]
-        yield Answer(topic=topics.JOINT_TARGETS, message=targets)
+        # A machine refuses what is older than the command before it.
+        if stamp > self._carried_to:
+            programme = self.controller.config.advance_per_radian * reading.angular_speed
+            self._planned = _Planned(now, stamp, setpoint.guide, setpoint.guide_speed, programme)
+            yield self._targets(now, stamp, setpoint.guide, setpoint.guide_speed)
         if setpoint.pull is not None:
             command = TensionCommand(t=stamp, force=setpoint.pull)
             yield Answer(topic=topics.TENSION_COMMAND, message=encode_tension_command(command))
+
+    def carried(self, now: float) -> Iterator[Answer]:
+        """Yield the newest command, carried on, where no other has left for two periods.
+
+        It goes on at its own rate for as long as a gap may be, then at the drive programme's for a
+        second: what stays away for longer is for the machine to deal with.
+
+        Args:
+            now: Monotonic time [s].
+        """
+        planned = self._planned
+        if planned is None or self.cadence.since(now) < _CARRIED_AFTER * self._period:
+            return
+        ahead = now - planned.now
+        if ahead > _CARRIED_FOR:
+            return
+        low, high = self._wanted.guide_travel
+        own = min(ahead, LONGEST_GAP)
+        guide = planned.guide + planned.speed * own + planned.programme * (ahead - own)
+        within = min(max(guide, low), high)
+        self._carried_to = planned.t + ahead
+        speed = planned.speed if own == ahead else planned.programme
+        speed = speed if within == guide else 0.0
+        yield self._targets(now, self._carried_to, within, speed)
+
+    def _targets(self, now: float, t: float, guide: float, speed: float) -> Answer:
+        """Return a command stamped t [s] in the joint's own unit; it leaves now [s]."""
+        self.cadence.send(now)
+        scale = self._axes.carriage_scale
+        target = AxisTarget(
+            position=guide / scale + self._axes.carriage_offset, speed=speed / scale
+        )
+        targets = encode_targets(JointTargets(t=t, axes={CARRIAGE: target}))
+        targets.name = [self._axes.carriage_joint]
+        return Answer(topic=topics.JOINT_TARGETS, message=targets)
 
 
 def _record(setpoint: Setpoint, mode: ControlMode) -> LayControlRecords:

@@ -148,8 +148,13 @@ class TrackerHandler:
             stamp = self._stamps.pop(t, None)
             if stamp is not None:
                 cloud = with_stamp(cloud, stamp)
-            yield Answer(topic=topics.TRACKED_MARKERS, message=cloud)
+            yield Answer(topic=topics.TRACKED_MARKERS, message=cloud, shown=self._shown(t))
             yield from self._lay(t, stamp)
+
+    def _shown(self, t: float) -> tuple[float, float] | None:
+        """Return the stamp of a frame and its instant on the encoder's clock, once corrected."""
+        clock = self.clock
+        return (t, t - clock.estimate.offset) if clock is not None and clock.applied else None
 
     def _lay(self, t: float, stamp: bytes | None) -> Iterator[Answer]:
         """Yield the lay when it is due, with the stamp of its last frame."""

@@ -46,6 +46,7 @@ class Heard:
     """
 
     stamps: list[float] = field(default_factory=list)  # Stamp of each message [s]
+    arrived: list[float] = field(default_factory=list)  # When it came, by the system's clock [s]
     values: list[tuple[float, ...]] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
 
@@ -128,11 +129,72 @@ def judge_camera(images: Heard, infos: Heard, encoder: Heard) -> Iterator[Findin
         first, last = encoder.stamps[0], encoder.stamps[-1]
         earliest, latest = first - CLOCK_TOLERANCE_S, last + CLOCK_TOLERANCE_S
         outside = [t for t in images.stamps if not earliest <= t <= latest]
+        lead = camera_lead(images, encoder)
         yield Finding(
-            promise="camera/image_raw: stamped by the encoder's clock",
-            kept=not outside,
-            measured=f"{len(outside)} of {len(images.stamps)} frames lie outside",
+            promise="camera/image_raw: stamped at exposure by the encoder's clock",
+            kept=not outside and (lead is None or lead.least <= _EARLY),
+            measured=f"{len(outside)} of {len(images.stamps)} frames lie outside"
+            + ("" if lead is None else f"; {lead.sentence}"),
         )
+
+
+# What arrives so much before the instant of its stamp may be a matter of two clocks' reading [s].
+_EARLY = 2.0e-3
+# Periods for which a frame may be on its way: exposed and read out, sent and taken.
+_PERIODS_ON_THE_WAY = 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraLead:
+    """How far the camera's clock is ahead of the encoder's, by when frames arrive."""
+
+    least: float  # If frames took no time at all [s]
+    period: float  # Of the frames [s]
+
+    @property
+    def offset(self) -> float:
+        """If frames were on their way for one period [s]."""
+        return self.least + 0.5 * _PERIODS_ON_THE_WAY * self.period
+
+    @property
+    def error(self) -> float:
+        """What the offset is known to, if frames are on their way for two periods at most [s]."""
+        return 0.5 * _PERIODS_ON_THE_WAY * self.period
+
+    @property
+    def sentence(self) -> str:
+        """The offset, and what follows from it."""
+        ahead = self.offset / MILLISECOND
+        text = (
+            f"the camera's clock is {ahead:+.1f} +- {self.error / MILLISECOND:.1f} ms ahead of the "
+            f"encoder's where frames take up to {_PERIODS_ON_THE_WAY:g} periods to arrive"
+        )
+        if self.least > _EARLY:
+            text += (
+                f": they arrive {self.least / MILLISECOND:.1f} ms before the instants of their "
+                "stamps; mend them, or run with --camera-clock-correction"
+            )
+        return text
+
+
+def camera_lead(images: Heard, encoder: Heard) -> CameraLead | None:
+    """Return how far the camera's clock is ahead; None where too little has arrived.
+
+    Of each topic the quickest messages count: the others have waited. An encoder whose messages
+    arrive soon after their stamps stamps by the system's clock, and the camera is held against
+    that; otherwise against the encoder's quickest messages.
+    """
+    if min(len(images.arrived), len(encoder.arrived)) < 3:
+        return None
+    camera, reference = (
+        float(np.percentile(np.subtract(heard.arrived, heard.stamps), 5.0))
+        for heard in (images, encoder)
+    )
+    if 0.0 <= reference < CLOCK_TOLERANCE_S:
+        reference = 0.0
+    return CameraLead(
+        least=reference - camera, period=float(np.median(np.abs(np.diff(images.stamps))))
+    )
 
 
 def judge_clock(streams: Sequence[Heard]) -> Finding:

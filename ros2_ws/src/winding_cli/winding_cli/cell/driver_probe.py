@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.qos import ReliabilityPolicy
 from std_srvs.srv import Trigger
 
+from winding_cli.cell.command_probe import CommandProbe
 from winding_cli.cell.driver_judgement import (
     LOWEST_ENCODER_RATE_HZ,
     LOWEST_FRAME_RATE_HZ,
@@ -26,6 +27,7 @@ from winding_cli.cell.driver_judgement import (
 )
 from winding_core.machine.axes import MachineAxes, wrong_axis
 from winding_core.machine.drive import DriveProfile
+from winding_core.machine.heard_joints import missing_joints
 from winding_core.machine.readings import AxisReading
 from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient
@@ -53,13 +55,32 @@ class Probe:
         client: A spinning node in the driver's namespace.
         camera: Whether the driver brings a camera.
         axes: Joints of the machine.
+
+    Attributes:
+        heard: By topic.
+        commanded: Whether the machine took commands when it was moved.
     """
 
     def __init__(self, client: AsyncClient, *, camera: bool, axes: MachineAxes) -> None:
         self._client = client
         self._camera = camera
+        self._axes = axes
+        self.commanded = False
+        self._joints: list[tuple[str, ...]] = []
+        read = JointStateReader(axes)
+
+        def encoder(message: Any) -> tuple[float, tuple[float, ...]]:
+            self._joints.append(tuple(message.name))
+            t, reading = read(message)
+            return t, (
+                reading.cylinder_angle,
+                reading.angular_speed,
+                reading.carriage_position,
+                reading.feed_speed,
+            )
+
         wanted: dict[Topic, Callable[[Any], tuple[float, tuple[float, ...]]]] = {
-            topics.JOINT_STATES: _encoder(JointStateReader(axes)),
+            topics.JOINT_STATES: encoder,
             topics.TENSION: _tension,
         }
         if camera:
@@ -74,9 +95,20 @@ class Probe:
 
         Raises:
             TimeoutError: Nothing comes on rig/joint_states.
+            ValueError: What comes there cannot be read.
         """
-        await self._until(lambda: bool(self._encoder.stamps), 10.0, "sample on rig/joint_states")
+        heard, name = self.encoder, topics.JOINT_STATES.name
+        await self.until(lambda: bool(heard.stamps or heard.refused), 10.0, f"message on {name}")
+        begun = time.monotonic()
         await asyncio.sleep(seconds)
+        if heard.stamps:
+            return
+        took = time.monotonic() - begun
+        raise ValueError(
+            missing_joints(name, self._joints, took, self._axes)
+            or f"{len(self._joints) / took:.0f} messages/s arrive on {name} and none can be "
+            f"read: {heard.refused[0]}"
+        )
 
     def findings(self) -> list[Finding]:
         """Return what the streams heard so far say of the driver."""
@@ -119,14 +151,16 @@ class Probe:
                 above half of both and as standing below a hundredth.
             stop_within: Longest time from the answered request to standstill [s].
         """
-        stood = self._encoder.values[-1]
-        found: list[Finding] = []
+        commands = CommandProbe(self._client, self._axes, self)
+        found = await commands.findings(running, stop_within)
+        self.commanded = bool(found)
+        stood = self.encoder.values[-1]
         for stop in ("rig/stop", "rig/quick_stop", "rig/emergency_stop"):
-            found.append(await self._begins("rig/start", running))
-            if len(found) == 1:
-                found.append(self._axes(stood, running))
+            found.append(await self.begins("rig/start", running))
+            if stop == "rig/stop":
+                found.append(self._directions(stood, running))
             found.append(await self._ends(stop, running, stop_within))
-        refused = await self._ask("rig/start")
+        refused = await self.ask("rig/start")
         found.append(
             Finding(
                 promise="rig/start after an emergency stop: refused until rig/reset",
@@ -134,15 +168,15 @@ class Probe:
                 measured=refused.message or "accepted",
             )
         )
-        reset = await self._ask("rig/reset")
+        reset = await self.ask("rig/reset")
         found.append(
             Finding(promise="rig/reset: accepted", kept=reset.success, measured=reset.message)
         )
         return found
 
-    def _axes(self, stood: tuple[float, ...], running: tuple[float, float]) -> Finding:
+    def _directions(self, stood: tuple[float, ...], running: tuple[float, float]) -> Finding:
         """Return whether both axes have moved the right way since they stood."""
-        now = self._encoder.values[-1]
+        now = self.encoder.values[-1]
         wrong = wrong_axis(
             AxisReading(
                 cylinder_angle=now[0] - stood[0],
@@ -160,16 +194,18 @@ class Probe:
         )
 
     @property
-    def _encoder(self) -> Heard:
+    def encoder(self) -> Heard:
+        """What was heard of the machine's joints."""
         return self.heard[topics.JOINT_STATES.name]
 
-    async def _begins(self, service: str, running: tuple[float, float]) -> Finding:
-        answer = await self._ask(service)
+    async def begins(self, service: str, running: tuple[float, float]) -> Finding:
+        """Ask a service to wind; return whether both axes do."""
+        answer = await self.ask(service)
         begun = time.monotonic()
         promise = f"{service}: both axes wind within {_RAMP_S:g} s"
         try:
-            await self._until(
-                lambda: runs(self._encoder.values[-1], running), _RAMP_S, "winding at half speed"
+            await self.until(
+                lambda: runs(self.encoder.values[-1], running), _RAMP_S, "winding at half speed"
             )
         except TimeoutError as error:
             return Finding(promise=promise, kept=False, measured=str(error))
@@ -180,12 +216,12 @@ class Probe:
         )
 
     async def _ends(self, service: str, running: tuple[float, float], within: float) -> Finding:
-        answer = await self._ask(service)
+        answer = await self.ask(service)
         begun = time.monotonic()
         promise = f"{service}: standstill within {within:g} s"
         try:
-            await self._until(
-                lambda: stands(self._encoder.values[-1], running), 4.0 * within, "standstill"
+            await self.until(
+                lambda: stands(self.encoder.values[-1], running), 4.0 * within, "standstill"
             )
         except TimeoutError as error:
             return Finding(promise=promise, kept=False, measured=str(error))
@@ -194,10 +230,16 @@ class Probe:
             promise=promise, kept=answer.success and took <= within, measured=f"{took:.2f} s"
         )
 
-    async def _ask(self, service: str) -> Any:
+    async def ask(self, service: str) -> Any:
+        """Return what a service answers."""
         return await self._client.call(Trigger, service, Trigger.Request(), _ANSWER_WITHIN)
 
-    async def _until(self, reached: Callable[[], bool], seconds: float, what: str) -> None:
+    async def until(self, reached: Callable[[], bool], seconds: float, what: str) -> None:
+        """Wait until something is reached.
+
+        Raises:
+            TimeoutError: It is not within so long [s].
+        """
         deadline = time.monotonic() + seconds
         while not reached():
             if time.monotonic() > deadline:
@@ -229,28 +271,17 @@ class Probe:
         heard = self.heard[name]
 
         def note(message: Any) -> None:
+            arrived = time.time()
             try:
                 t, value = decode(message)
             except MessageError as error:
                 heard.refused.append(str(error))
                 return
+            heard.arrived.append(arrived)
             heard.values.append(value)
             heard.stamps.append(t)
 
         return note
-
-
-def _encoder(read: JointStateReader) -> Callable[[Any], tuple[float, tuple[float, ...]]]:
-    def decode(message: Any) -> tuple[float, tuple[float, ...]]:
-        t, reading = read(message)
-        return t, (
-            reading.cylinder_angle,
-            reading.angular_speed,
-            reading.carriage_position,
-            reading.feed_speed,
-        )
-
-    return decode
 
 
 def _tension(message: Any) -> tuple[float, tuple[float, ...]]:

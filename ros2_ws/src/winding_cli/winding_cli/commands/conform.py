@@ -53,7 +53,7 @@ def conform(
     known = machine_axes(axes)
     with joined(domain) as place:
         try:
-            findings = asyncio.run(
+            findings, commanded = asyncio.run(
                 _probe(
                     namespace,
                     camera=camera,
@@ -63,9 +63,12 @@ def conform(
                     stop_within=stop_within_s,
                 )
             )
+        except ValueError as error:
+            refuse(str(error), FAILED)
         except TimeoutError as error:
             refuse(
-                f"{error}; is a driver running in namespace /{namespace}, domain {place.domain}?", 1
+                f"{error}; is a driver running in namespace /{namespace}, domain {place.domain}?",
+                FAILED,
             )
     console = result_console()
     for finding in findings:
@@ -74,7 +77,11 @@ def conform(
     broken = sum(not finding.kept for finding in findings)
     console.print(f"{len(findings) - broken} of {len(findings)} promises kept")
     if not move:
-        console.print("The machine was not moved: --move also tries start, stop and reset.")
+        console.print(
+            "The machine was not moved: --move also tries start, stop, reset and commands."
+        )
+    elif not commanded:
+        console.print("Nothing listens to rig/joint_targets: commands were not tried.")
     if broken:
         raise typer.Exit(FAILED)
 
@@ -87,7 +94,8 @@ async def _probe(
     seconds: float,
     running: tuple[float, float] | None,
     stop_within: float,
-) -> list[Finding]:
+) -> tuple[list[Finding], bool]:
+    """Return what was found, and whether the machine took commands."""
     from winding_cli.cell.driver_probe import Probe
     from winding_ros.client.async_client import AsyncClient
 
@@ -99,9 +107,9 @@ async def _probe(
         findings = [*await probe.services(), *probe.findings()]
         if running is not None:
             if not all(finding.kept for finding in findings):
-                return findings
+                return findings, True
             findings += await probe.moves(running, stop_within)
             findings += probe.findings()[len(probe.heard) :]
-        return findings
+        return findings, probe.commanded
     finally:
         client.close()

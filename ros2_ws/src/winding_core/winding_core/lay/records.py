@@ -54,11 +54,15 @@ class ControlMode(IntEnum):
 
 
 class ControlBasis(IntEnum):
-    """What a command rests on: a measured lay, the model alone, or the drive programme."""
+    """What a command rests on: a measured lay, the model alone, or the drive programme.
+
+    RAMP follows the programme because the solver is silent, LATE because commands leave late.
+    """
 
     MEASURED = 0
     MODEL = 1
     RAMP = 2
+    LATE = 3
 
 
 # One record per message. x, y, z: where the cable lands [m]; theta: wound angle there [rad];

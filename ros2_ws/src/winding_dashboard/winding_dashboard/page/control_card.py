@@ -20,6 +20,7 @@ _BASES = {
     ControlBasis.MODEL: "TRACKER LOST: no lay has been measured for more than 1.5 turns; the guide "
     "is fed forward by the model",
     ControlBasis.RAMP: "SOLVER LOST: the guide follows the plain ramp of the drive programme",
+    ControlBasis.LATE: "COMMANDS LATE: the guide follows the plain ramp of the drive programme",
 }
 _MODES = {
     ControlMode.OFF: "Off: commands nothing",

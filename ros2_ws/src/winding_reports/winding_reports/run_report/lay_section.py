@@ -32,6 +32,7 @@ _BASES = {
     ControlBasis.MEASURED: "the measured lay",
     ControlBasis.MODEL: "the model, the tracker being lost",
     ControlBasis.RAMP: "the plain ramp, the solver being lost",
+    ControlBasis.LATE: "the plain ramp, commands being late",
 }
 # Of more turns every single one is no longer read off.
 _MOST_NAMED = 24

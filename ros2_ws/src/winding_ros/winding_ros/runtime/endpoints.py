@@ -39,6 +39,7 @@ class Endpoints:
 
     Attributes:
         trace: What it notes of the way of a corrected length.
+        arrived_ns: When the input that is dealt with arrived, by the clock of this system [ns].
 
     Args:
         node: Whose endpoints.
@@ -52,6 +53,7 @@ class Endpoints:
         self._spec = spec
         self._heartbeat = heartbeat
         self.trace = NodeTrace(node, spec.name)
+        self.arrived_ns = 0
         self._stop_request = StopRequest(node)
         self._publishers: dict[str, Publisher] = {}
         self._subscriptions: list[Subscription] = []
@@ -153,6 +155,8 @@ class Endpoints:
     def answer(self, answers: Iterable[Answer]) -> None:
         """Publish answers as they come."""
         for answer in answers:
+            if answer.shown is not None:
+                self.trace.shown(*answer.shown)
             self.publish(answer.topic, answer.message)
 
     def admit(self, topic: Topic, t: float, work: Callable[[], None]) -> bool:
@@ -270,6 +274,7 @@ class Endpoints:
         trace = self.trace
 
         def traced(delivered: Delivered) -> None:
+            self.arrived_ns = delivered.arrived_ns
             if not trace.wanted:
                 take(delivered.data)
                 return

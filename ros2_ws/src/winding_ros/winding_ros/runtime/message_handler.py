@@ -20,6 +20,9 @@ class Answer:
 
     topic: Topic
     message: Any
+    # Stamp of the frame that it is about, and the instant on the machine's clock that this shows
+    # [s], where the frame's stamp is known to be another; for the trace.
+    shown: tuple[float, float] | None = None
 
     @property
     def data(self) -> bytes:

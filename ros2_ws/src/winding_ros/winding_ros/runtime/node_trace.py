@@ -8,7 +8,7 @@ from collections import deque
 import numpy as np
 from rclpy.node import Node
 
-from winding_core.trace import TRACE_DTYPE, Channel, Station, TraceEvent
+from winding_core.trace import STAMPED_BY_CLOCK, TRACE_DTYPE, Channel, Station, TraceEvent
 from winding_ros import topics
 from winding_ros.messages.clouds import encode_cloud
 from winding_ros.messages.stamps import serialised_stamp
@@ -62,6 +62,11 @@ class NodeTrace:
         """
         if self.wanted:
             self._note(TraceEvent.EXPOSED, Channel.FRAME, t, began_ns=began_ns)
+
+    def shown(self, t: float, instant: float) -> None:
+        """Note the instant [s] that a frame stamped t [s] shows, where that is by this clock."""
+        if 0.0 <= 1.0e-9 * now_ns() - instant < STAMPED_BY_CLOCK:
+            self.exposed(t, round(1.0e9 * instant))
 
     def published(self, topic: Topic, data: bytes, began_ns: int) -> None:
         """Note that a message, in CDR bytes, has been published just now."""

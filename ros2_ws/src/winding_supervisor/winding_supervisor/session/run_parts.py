@@ -14,11 +14,11 @@ from std_msgs.msg import String
 from winding_core.parameters import build
 from winding_core.run_options import CameraPlacement
 from winding_core.trace import TRACE_DTYPE, usable_records
-from winding_core.urdf import machine_urdf
+from winding_core.urdf import CarriageLimits, machine_urdf
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
-from winding_ros.graph import FEM, TRACKER, parameters_of
+from winding_ros.graph import FEM, LAY_CONTROL, RIG, TRACKER, parameters_of
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.serialised import MessageError
 from winding_ros.topic import Topic
@@ -121,14 +121,31 @@ def describe_machine(
     """
     names = {spec.name for spec in config.graph}
     spec = TRACKER if TRACKER.name in names else FEM
-    wound: Any = build(parameters_of(spec), config.parameters(axes)[spec.name], owner=spec.name)
+    stated = config.parameters(axes)
+    wound: Any = build(parameters_of(spec), stated[spec.name], owner=spec.name)
     try:
         camera = wound if isinstance(wound, CameraPlacement) else None
-        urdf = machine_urdf(wound.resolved(), wound, camera)
+        urdf = machine_urdf(wound.resolved(), wound, camera, _carriage_limits(config, stated))
     except ValueError as error:
         report(f"no {ROBOT_DESCRIPTION.name}: {error}")
         return
     ROBOT_DESCRIPTION.advertise(node).publish(String(data=urdf))
+
+
+def _carriage_limits(
+    config: RunConfig, stated: Mapping[str, Mapping[str, object]]
+) -> CarriageLimits | None:
+    """Return what the machine, or else the controller of the lay, allows the carriage."""
+    for node, travel, speed in (
+        (RIG, "carriage_travel", "carriage_speed_limit"),
+        (LAY_CONTROL, "guide_travel", "guide_speed_limit"),
+    ):
+        spec = next((item for item in config.graph if item.name == node.name), None)
+        if spec is not None:
+            limits: Any = build(parameters_of(spec), stated[spec.name], owner=spec.name)
+            low, high = getattr(limits, travel)
+            return CarriageLimits(low=low, high=high, speed=getattr(limits, speed))
+    return None
 
 
 class TraceRecording:
