@@ -38,7 +38,10 @@ def control_state(basis: ControlBasis, **further: float) -> ControlState:
 
 
 def test_fall_backs_are_named_and_stand_out() -> None:
-    assert basis_words(control_state(ControlBasis.MEASURED), 10.0) == ("the measured lay is fed back", False)
+    assert basis_words(control_state(ControlBasis.MEASURED), 10.0) == (
+        "the measured lay is fed back",
+        False,
+    )
     for basis, word in (
         (ControlBasis.MODEL, "TRACKER LOST"),
         (ControlBasis.RAMP, "SOLVER LOST"),
