@@ -62,3 +62,17 @@ def test_typed_values_stay_when_another_tab_prepares_a_case(
     setup.get_by_role("button", name="Discard changes").click()
     first.wait_for("document.querySelector('[name=case]').value === '7'")
     assert setup.get_by_label("Cylinder diameter, mm").input_value() == ""
+
+
+def test_limit_that_is_refused_or_empty_leaves_the_one_that_holds(
+    standing_page: Any, new_tab: Any
+) -> None:
+    tab = new_tab("desk", standing_page.url)
+    holds = "document.querySelector('[name=error_limit_pct]').value === '4.8'"
+    tab.wait_for(holds)
+    field = tab.page.get_by_label("Error of a length, %")
+    for typed, sentence in (("-2.5", "must be positive, got -2.5"), ("", "% is empty")):
+        field.fill(typed)
+        tab.page.get_by_role("button", name="Set", exact=True).click()
+        tab.answered(sentence)
+        tab.wait_for(holds)
