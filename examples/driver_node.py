@@ -25,6 +25,7 @@ class Driver(Node):
         self.tension = self.create_publisher(WrenchStamped, "rig/tension", 2000)
         self.goal = self.share = self.angle = self.carriage = 0.0
         self.ramp, self.latched = RAMP, False  # your safety relay
+        self.looks = 0  # samples since the last command: what waits is taken between two of them
         self.target: tuple[Time, float, float] | None = None  # of the carriage: heard, m, m/s
         self.create_subscription(JointState, "rig/joint_targets", self.command, 1)
         for name in ("start", "stop", "quick_stop", "emergency_stop", "reset"):
@@ -34,6 +35,7 @@ class Driver(Node):
         self.get_logger().info("ready")
 
     def sample(self) -> None:
+        self.looks += 1
         while self.due <= self.get_clock().now():  # what a busy machine missed is made up for
             step = 0.0 if self.latched else PERIOD / self.ramp
             self.share += min(step, max(-step, self.goal - self.share))
@@ -56,8 +58,9 @@ class Driver(Node):
             return self.share * FEED
         heard, place, speed = self.target
         since = 1.0e-9 * (self.due - heard).nanoseconds
-        if since > DEAD_MAN and (speed or abs(place - self.carriage) > 1.0e-4):
-            # Whoever commanded it is gone.
+        coming = bool(speed) or abs(place - self.carriage) > 1.0e-4
+        if since > DEAD_MAN and coming and self.looks > 10:
+            # Whoever commanded it is gone, and it was not this process that stood still.
             self.goal, self.ramp, self.target = 0.0, QUICK_RAMP, None
             self.get_logger().error(f"no command for {DEAD_MAN} s: both axes are stopped")
             return self.share * FEED
@@ -70,7 +73,7 @@ class Driver(Node):
         if not self.goal or abs(age) > DEAD_MAN or "carriage_joint" not in message.name:
             return  # only between start and stop, and only in time
         at = message.name.index("carriage_joint")
-        self.target = (now, message.position[at], message.velocity[at])
+        self.target, self.looks = (now, message.position[at], message.velocity[at]), 0
 
     def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
         self.goal, self.ramp, response.success = 1.0, RAMP, not self.latched

@@ -12,6 +12,7 @@ from marker_tracker_node.camera.pinhole import CameraPose
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import AxisReader, JointSample, MachineAxes, wrong_axis
 from winding_core.machine.drive import DriveProfile
+from winding_core.machine.heard_joints import missing_joints
 from winding_core.machine.incoming_readings import (
     LEAD_IN,
     LoadedReading,
@@ -149,6 +150,45 @@ def test_jump_of_either_axis_is_refused() -> None:
 def test_tension_beyond_five_weights_is_refused() -> None:
     assert LIMITS.against_tension(19.9) == ""
     assert LIMITS.against_tension(20.1) == "tension must be at most 20 N, got 20.1 N"
+
+
+@pytest.mark.parametrize(
+    ("names", "sentence"),
+    [
+        ([], ""),
+        ([["wheel", "sled", "brake"]] * 80, ""),
+        (
+            [["joint1", "joint2"]] * 80,
+            "40 messages/s arrive on it with joints joint1, joint2; configured are wheel and sled: "
+            "--cylinder-joint and --carriage-joint name others",
+        ),
+        (
+            [["wheel"], ["sled"]] * 50,
+            "50 messages/s arrive on it with joints sled, wheel, one in each; each message needs "
+            "both wheel and sled",
+        ),
+        (
+            [["wheel"]] * 10,
+            "5 messages/s arrive on it with joint wheel; configured are wheel and sled: "
+            "--cylinder-joint and --carriage-joint name others",
+        ),
+        (
+            [["a"], ["b"]] * 30,
+            "30 messages/s arrive on it with joints a, b, one in each; configured are wheel and "
+            "sled: --cylinder-joint and --carriage-joint name others; each message needs both",
+        ),
+        (
+            [[]] * 6,
+            "3 messages/s arrive on it with no joints; configured are wheel and sled: "
+            "--cylinder-joint and --carriage-joint name others",
+        ),
+    ],
+)
+def test_joints_that_are_missing_are_described_by_what_arrives(
+    names: list[list[str]], sentence: str
+) -> None:
+    axes = MachineAxes(cylinder_joint="wheel", carriage_joint="sled")
+    assert missing_joints("it", names, 2.0, axes) == sentence
 
 
 def frame(urdf: str, link: str, joints: dict[str, float]) -> np.ndarray:

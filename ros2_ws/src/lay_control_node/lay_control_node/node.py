@@ -101,6 +101,7 @@ class LayControlNode(ManagedNode[LayControlParameters]):
                 "mode": mode.name.lower(),
                 "basis": newest.basis.name.lower(),
                 "largest_gap_s": f"{cadence.largest:.3f}",
+                "largest_unplanned_s": f"{cadence.unplanned:.3f}",
                 "largest_gap_of_joint_states_s": f"{cadence.largest_of_readings:.3f}",
                 "error_mm": f"{1e3 * (lay.z - newest.wanted_z):.3f}",
                 "sigma_mm": f"{1e3 * lay.sigma_z:.3f}",

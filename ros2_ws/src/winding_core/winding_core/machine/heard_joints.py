@@ -19,8 +19,7 @@ def missing_joints(
         axes: The machine's joints.
     """
     wanted = (axes.cylinder_joint, axes.carriage_joint)
-    if not names or any(joint in heard and other in heard for heard in names
-                        for joint, other in [wanted]):  # fmt: skip
+    if not names or any(all(joint in heard for joint in wanted) for heard in names):
         return ""
     found = sorted({name for heard in names for name in heard})
     joints = f"joint{'s' * (len(found) != 1)} {', '.join(found)}" if found else "no joints"
