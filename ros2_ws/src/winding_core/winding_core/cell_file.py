@@ -145,7 +145,9 @@ def _composed(text: str, start: Place) -> yaml.Node | None:
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         place = start if mark is None else _marked(mark, start.file)
-        place.refuse(" ".join(filter(None, (error.context, error.problem))))
+        began = error.context_mark
+        since = "" if began is None else f", begun in line {began.line + 1}"
+        place.refuse(", ".join(filter(None, (error.context, error.problem))) + since)
     except yaml.reader.ReaderError as error:
         line = text.count("\n", 0, error.position) + 1
         Place(file=start.file, line=line).refuse(f"a character is not taken: {error.reason}")

@@ -102,11 +102,12 @@ class Source:
     cell: CellFile | None = None  # The file
 
     def place(self, name: str) -> Place | None:
-        """Return where an option or a section stands in the file; None for one that does not."""
+        """Return where an option, or a section as `lay:`, stands in the file; None without one."""
         if self.cell is None or name in self.typed:
             return None
-        found = self.cell.places.get(name) or self.cell.sections.get(name)
-        return self.cell.start if found is None and name in SECTIONS else found
+        if name.endswith(":"):
+            return self.cell.sections.get(name[:-1], self.cell.start)
+        return self.cell.places.get(name)
 
     def name(self, key: str) -> str:
         """Return how a sentence names an option."""
@@ -380,4 +381,4 @@ def _section(name: str, values: Mapping[str, object], source: Source, case: int 
                 source.refuse(key, error)
         if values and source.typed >= values.keys():
             raise ParameterError(str(error)) from error
-        source.refuse(name, error)
+        source.refuse(f"{name}:", error)

@@ -45,7 +45,7 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
 
     recording, graph = spec.recording, spec.graph
     what = spec.condition.resolved()
-    with spec.source.at("condition"):
+    with spec.source.at("condition:"):
         # Refuses here what the solver's node would refuse only after its start.
         SolverParameters().config_of(what)
     if graph.parameters and not Path(graph.parameters).is_file():

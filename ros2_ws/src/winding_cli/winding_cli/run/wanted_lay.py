@@ -68,7 +68,7 @@ def _controller(spec: RunSpec) -> LayController:
     from lay_control_node.ros.parameters import LayControlParameters
 
     own = {item.name: getattr(spec.condition, item.name) for item in fields(spec.condition)}
-    key = "program" if spec.lay.program else "lay"
+    key = "program" if spec.lay.program else "lay:"
     with spec.source.at(key, named=key == "program"):
         values = {**own, **spec.asked("lay")}
         return build(LayControlParameters, values, owner="winding run").new_controller()
