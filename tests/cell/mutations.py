@@ -83,7 +83,6 @@ def wrong_values(key: str, value: str, item: Declaration) -> Iterator[tuple[str,
         yield "number", "1"
         yield "text", '"true"'
     elif isinstance(default, list):
-        yield "text", '"1, 2, 3"'
         yield "short", "[1, 2]"
         yield "nan", "[1, .nan, 3]"
     else:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from typing import NoReturn
 
 import yaml
 
+from winding_core.parameters import ParameterError, refuse_unknown
 from winding_core.yaml_text import MOST_CHARACTERS, PlainLoader
 
 # Sections, options, numbers of a list; a text of brackets alone would exhaust the interpreter.
@@ -20,12 +20,7 @@ _MOST_DIGITS = 400
 _WHOLE = re.compile(r"[-+]?[0-9]+")
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
-# As YAML 1.2 has them: `control: off` is a word.
-_WORDS = {
-    word: value
-    for name, value in (("true", True), ("false", False), ("null", None))
-    for word in (name, name.capitalize(), name.upper())
-} | {"": None, "~": None}
+Known = Mapping[str, Mapping[str, object]]  # Section -> its options
 
 
 class CellError(ValueError):
@@ -80,12 +75,12 @@ class _CellLoader(PlainLoader):
         return node
 
 
-def read_cell(path: Path, known: Mapping[str, Mapping[str, object]]) -> CellFile:
+def read_cell(path: Path, known: Known) -> CellFile:
     """Return what a cell file states.
 
     Args:
         path: The file.
-        known: Section -> the names of its options.
+        known: Sections and options that there are.
 
     Raises:
         CellError: It cannot be read, or something in it is refused.
@@ -108,32 +103,30 @@ def read_cell(path: Path, known: Mapping[str, Mapping[str, object]]) -> CellFile
     return parse_cell(text, start, known)
 
 
-def parse_cell(text: str, start: Place, known: Mapping[str, Mapping[str, object]]) -> CellFile:
+def parse_cell(text: str, start: Place, known: Known) -> CellFile:
     """Return what the text of a cell file states; see `read_cell`."""
     values: dict[str, object] = {}
     places: dict[str, Place] = {}
     sections: dict[str, Place] = {}
     for name, node, place in _pairs(_composed(text, start), start.file, "a cell file"):
+        _check_name(name, "", known, place)
         sections[name] = place
-        if name not in known:
-            place.refuse(_unknown_section(name, known))
-        if _is_empty(node):
-            continue
         for key, value, at in _pairs(node, start.file, f"section {name}"):
-            if key not in known[name]:
-                at.refuse(_unknown_key(key, name, known))
-            places[key] = _place(value, start.file)
+            _check_name(key, name, known, at)
+            places[key] = _place(value.start_mark, start.file)
             values[key] = _value(value, key, start.file)
     return CellFile(start=start, values=values, places=places, sections=sections)
 
 
 def cell_text(given: Mapping[str, Mapping[str, object]]) -> str:
-    """Return the text of a cell file.
-
-    Args:
-        given: Section -> option -> value.
-    """
-    content = {section: dict(values) for section, values in given.items() if values}
+    """Return the text of a cell file: section -> option -> value."""
+    content = {
+        section: {
+            key: str(value) if isinstance(value, Path) else value for key, value in values.items()
+        }
+        for section, values in given.items()
+        if values
+    }
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
 
 
@@ -144,7 +137,7 @@ def _composed(text: str, start: Place) -> yaml.Node | None:
         return loader.get_single_node()
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        place = start if mark is None else _marked(mark, start.file)
+        place = start if mark is None else _place(mark, start.file)
         began = error.context_mark
         since = "" if began is None else f", begun in line {began.line + 1}"
         place.refuse(", ".join(filter(None, (error.context, error.problem))) + since)
@@ -159,87 +152,66 @@ def _composed(text: str, start: Place) -> yaml.Node | None:
 
 def _pairs(node: yaml.Node | None, file: str, what: str) -> Iterator[tuple[str, yaml.Node, Place]]:
     """Yield key, value and the key's place of a mapping."""
-    if node is None:
+    if node is None or _is_empty(node):
         return
     if not isinstance(node, yaml.MappingNode):
-        _place(node, file).refuse(f"{what} is a mapping of names to values, as in `name: value`")
+        _place(node.start_mark, file).refuse(
+            f"{what} is a mapping of names to values, as in `name: value`"
+        )
     seen: dict[str, int] = {}
     for key, value in node.value:
-        place = _place(key, file)
+        place = _place(key.start_mark, file)
         if not isinstance(key, yaml.ScalarNode):
             place.refuse("a name is one word")
         if key.value in seen:
-            place.refuse(f"{_shown(key.value)} stands in line {seen[key.value]} already")
+            place.refuse(f"{key.value} stands in line {seen[key.value]} already")
         seen[key.value] = place.line
         yield key.value, value, place
 
 
 def _value(node: yaml.Node, key: str, file: str) -> object:
+    """Return the value of an option, as YAML 1.2 reads it: `control: off` is a word."""
     if isinstance(node, yaml.SequenceNode):
         return [_value(item, key, file) for item in node.value]
+    place = _place(node.start_mark, file)
     if not isinstance(node, yaml.ScalarNode):
-        _place(node, file).refuse(f"{key} is an option and takes a value, not further names")
-    if node.style is not None:
-        return str(node.value)
-    return _plain(node, key, file)
-
-
-def _plain(node: yaml.ScalarNode, key: str, file: str) -> object:
+        place.refuse(f"{key} is an option and takes a value, not further names")
     text = str(node.value)
+    if node.style is not None:
+        return text
     if _is_empty(node):
-        _place(node, file).refuse(f"{key} has no value; leave it out, or give one")
-    if text in _WORDS:
-        return _WORDS[text]
+        place.refuse(f"{key} has no value; leave it out, or give one")
+    if text.lower() in ("true", "false"):
+        return text.lower() == "true"
     if _NOT_FINITE.fullmatch(text):
         return float(text.replace(".", "", 1))
     if _WHOLE.fullmatch(text):
         if len(text) > _MOST_DIGITS:
-            _place(node, file).refuse(f"{key} has {len(text)} digits")
+            place.refuse(f"{key} has {len(text)} digits")
         return int(text)
     return float(text) if _NUMBER.fullmatch(text) else text
 
 
 def _is_empty(node: yaml.Node) -> bool:
     plain = isinstance(node, yaml.ScalarNode) and node.style is None
-    return plain and _WORDS.get(node.value, "") is None
+    return plain and node.value.lower() in ("", "~", "null")
 
 
-def _place(node: yaml.Node, file: str) -> Place:
-    return _marked(node.start_mark, file)
-
-
-def _marked(mark: yaml.Mark, file: str) -> Place:
+def _place(mark: yaml.Mark, file: str) -> Place:
     return Place(file=file, line=mark.line + 1, column=mark.column + 1)
 
 
-def _unknown_section(name: str, known: Mapping[str, Mapping[str, object]]) -> str:
-    for section, keys in known.items():
-        if name in keys:
-            return f"{name} belongs below {section}"
-    return f"a cell file has no section {_shown(name)}{_nearest(name, known, 0.0)}"
-
-
-def _unknown_key(key: str, section: str, known: Mapping[str, Mapping[str, object]]) -> str:
-    for other, keys in known.items():
-        if key in keys:
-            return f"{key} belongs below {other}, not below {section}"
+def _check_name(key: str, section: str, known: Known, place: Place) -> None:
+    """Refuse a name that is no option of a section, or no section where that is empty."""
+    of_others = [other for other in known if other != section and key in known[other]]
+    if key in known.get(section, known):
+        return
+    if of_others:
+        place.refuse(f"{key} belongs below {of_others[0]}")
     if key in known:
-        return f"{key} is a section of its own: begin it at the left margin"
-    hint = _nearest(key, known[section], 0.6)
-    if not hint:
-        everywhere = {name: other for other, names in known.items() for name in names}
-        hint = _nearest(key, everywhere, 0.6) or _nearest(key, known[section], 0.0)
-    return f"section {section} has no option {_shown(key)}{hint}"
-
-
-def _nearest(word: str, known: Mapping[str, object], cutoff: float) -> str:
-    near = difflib.get_close_matches(word[:80], sorted(known), n=1, cutoff=cutoff)
-    if not near:
-        return ""
-    section = known[near[0]]
-    below = f" below {section}" if isinstance(section, str) else ""
-    return f"; did you mean {near[0]}{below}?"
-
-
-def _shown(word: str) -> str:
-    return word if word.isidentifier() and len(word) <= 80 else f"{word[:80]!r}"
+        place.refuse(f"{key} is a section of its own: begin it at the left margin")
+    owner = f"section {section}" if section else "a cell file"
+    try:
+        refuse_unknown([key], known.get(section, known), owner=owner)
+    except ParameterError as error:
+        place.refuse(error)

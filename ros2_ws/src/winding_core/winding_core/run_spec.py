@@ -9,12 +9,12 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NoReturn, Self
 
+from winding_core import run_options as declared
 from winding_core.cable.condition import Condition, published_case
 from winding_core.cell_file import CellFile, Place, cell_text, read_cell
 from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MarkerLook
 from winding_core.parameters import (
-    Declaration,
     ParameterError,
     Spelling,
     Value,
@@ -23,44 +23,25 @@ from winding_core.parameters import (
     refuse_unknown,
     typed_values,
 )
-from winding_core.run_options import (
-    EXTERNAL,
-    CameraClockParameters,
-    CameraPixels,
-    CameraPlacement,
-    LayParameters,
-    LayWish,
-    OperatorLimits,
-    RunCamera,
-    RunCorrection,
-    RunGraph,
-    RunMachine,
-    RunPage,
-    RunRecording,
-    RunTracking,
-    SimulatedCamera,
-    SimulatedMachine,
-)
 
 # Section -> what it declares.
 SECTIONS: Mapping[str, type] = MappingProxyType(
     {
         "condition": Condition,
-        "machine": RunMachine,
-        "camera": RunCamera,
-        "tracking": RunTracking,
-        "lay": LayWish,
-        "correction": RunCorrection,
-        "recording": RunRecording,
-        "limits": OperatorLimits,
-        "page": RunPage,
-        "graph": RunGraph,
+        "machine": declared.RunMachine,
+        "camera": declared.RunCamera,
+        "tracking": declared.RunTracking,
+        "lay": declared.LayWish,
+        "correction": declared.RunCorrection,
+        "recording": declared.RunRecording,
+        "limits": declared.OperatorLimits,
+        "page": declared.RunPage,
+        "graph": declared.RunGraph,
     }
 )
 # Section -> option -> declaration.
-OPTIONS: Mapping[str, Mapping[str, Declaration]] = MappingProxyType(
-    {section: options(record) for section, record in SECTIONS.items()}
-)
+OPTIONS = MappingProxyType({section: options(record) for section, record in SECTIONS.items()})
+SECTION_OF = MappingProxyType({key: name for name, keys in OPTIONS.items() for key in keys})
 # What most runs are described by.
 USUAL = (
     *("case", "cylinder_diameter_mm", "cable_diameter_mm", "tension_n", "young_mpa", "duration_s"),
@@ -74,22 +55,22 @@ _ALTERNATIVES = (
     ("turns", "wound_length_mm"),
     ("program", "pitch_mm"),
 )
-_OF_SIMULATED = (*options(SimulatedMachine), *options(SimulatedCamera))
+_OF_SIMULATED = (*options(declared.SimulatedMachine), *options(declared.SimulatedCamera))
 _OF_EXTERNAL = (*options(MachineAxes), "start", "turns", "wound_length_mm", "standing_s")
+_OF_PIXELS = (*options(declared.CameraPixels),)
 _OF_CAMERA = (
-    *options(CameraPixels),
-    *options(CameraClockParameters),
-    *options(CameraPlacement),
-    *options(LayParameters),
+    *_OF_PIXELS,
+    *options(declared.CameraClockParameters),
+    *options(declared.CameraPlacement),
+    *options(declared.LayParameters),
     "compose",
 )
 # A goal comes over the network: it names no file and no code, and the server owns page and graph.
 GOAL_OPTIONS = tuple(
     key
-    for section, declared in OPTIONS.items()
+    for key, section in SECTION_OF.items()
     if section not in ("page", "graph", "recording")
-    for key, item in declared.items()
-    if not (item.unit is not None and item.unit.path) and key not in ("compose", "weights")
+    and key not in ("program", "truth", "compose", "weights")
 )
 
 
@@ -127,21 +108,12 @@ class Source:
         raise ParameterError(f"{sentence}" if place is None else f"{place}: {sentence}")
 
     @contextmanager
-    def at(self, key: str, *, named: bool = False) -> Iterator[None]:
-        """Refuse what the body refuses with the place of an option or a section.
-
-        Args:
-            key: Of the option or the section.
-            named: Whether the sentences of the body need the option's name before them.
-
-        Raises:
-            ParameterError: Of a ValueError or an OSError of the body.
-        """
+    def at(self, key: str) -> Iterator[None]:
+        """Refuse what the body refuses with the place of an option or a section."""
         try:
             yield
         except (ValueError, OSError) as error:
-            name = key if self.place(key) is not None else self.spelling(key)
-            self.refuse(key, f"{name}: {error}" if named else error)
+            self.refuse(key, error)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,17 +121,17 @@ class RunSpec:
     """One run as it was asked for."""
 
     condition: Condition
-    machine: RunMachine
-    camera: RunCamera
-    tracking: RunTracking
-    lay: LayWish  # Wanted; there is one where any option of it is given
-    correction: RunCorrection
-    recording: RunRecording
-    limits: OperatorLimits
-    page: RunPage
-    graph: RunGraph
-    given: Mapping[str, Mapping[str, object]]  # Section -> option -> value in the option's unit
-    source: Source = field(default_factory=Source, compare=False, repr=False)
+    machine: declared.RunMachine
+    camera: declared.RunCamera
+    tracking: declared.RunTracking
+    lay: declared.LayWish  # Wanted; there is one where any option of it is given
+    correction: declared.RunCorrection
+    recording: declared.RunRecording
+    limits: declared.OperatorLimits
+    page: declared.RunPage
+    graph: declared.RunGraph
+    given: Mapping[str, object] = field(compare=False)  # Option -> value in the option's unit
+    source: Source = field(compare=False, repr=False)
 
     @classmethod
     def from_cell(
@@ -174,10 +146,27 @@ class RunSpec:
 
         Raises:
             CellError: The file is refused.
-            ParameterError: A value or a combination is refused.
+            ParameterError: A name, a value or a combination is refused.
         """
+        refuse_unknown(typed, SECTION_OF, owner="a run")
         cell = None if path is None else read_cell(path, OPTIONS)
-        return cls.from_options(typed, Source(typed=frozenset(typed), spelling=spelling, cell=cell))
+        replaced = {
+            key for group in _ALTERNATIVES if typed.keys() & {*group} for key in group
+        } - typed.keys()
+        given = {**(cell.values if cell else {}), **typed}
+        given = {key: value for key, value in given.items() if key not in replaced}
+        source = Source(typed=frozenset(typed), spelling=spelling, cell=cell)
+        for key, value in given.items():
+            written = str if source.place(key) is not None else spelling
+            with source.at(key):
+                if key == "case" and isinstance(value, int):
+                    published_case(value, written(key))
+                typed_values(SECTIONS[SECTION_OF[key]], {key: value}, written)
+        sections = {name: _section(name, given, source) for name in SECTIONS}
+        spec = cls(given=given, source=source, **sections)
+        for key, sentence in spec._contradictions():
+            source.refuse(key, sentence)
+        return spec
 
     @classmethod
     def from_goal(cls, wanted: Mapping[str, object]) -> Self:
@@ -187,36 +176,7 @@ class RunSpec:
             ParameterError: An option that no goal has, or a value or a combination is refused.
         """
         refuse_unknown(wanted, GOAL_OPTIONS, owner="a goal")
-        return cls.from_options(wanted)
-
-    @classmethod
-    def from_options(cls, typed: Mapping[str, object], source: Source | None = None) -> Self:
-        """Return the run that options describe, over those of the source's file.
-
-        Raises:
-            ParameterError: A name, a value or a combination is refused.
-        """
-        source = source or Source(typed=frozenset(typed))
-        refuse_unknown(typed, [key for keys in OPTIONS.values() for key in keys], owner="a run")
-        of_file = dict(source.cell.values) if source.cell is not None else {}
-        for group in _ALTERNATIVES:
-            if source.typed & set(group):
-                of_file = {key: value for key, value in of_file.items() if key not in group}
-        merged = of_file | dict(typed)
-        given: dict[str, dict[str, object]] = {section: {} for section in OPTIONS}
-        for section, declared in OPTIONS.items():
-            for key, item in declared.items():
-                if key in merged:
-                    given[section][key] = _checked(key, item, merged[key], source, section)
-        operated = given["page"].get("dashboard") is True
-        case = Condition.case if operated else None
-        spec = cls(
-            given=given,
-            source=source,
-            **{name: _section(name, values, source, case) for name, values in given.items()},
-        )
-        spec._check()
-        return spec
+        return cls.from_cell(None, wanted)
 
     def asked(self, section: str) -> dict[str, Value]:
         """Return the values of a section that were given [SI], by field."""
@@ -224,18 +184,18 @@ class RunSpec:
         return {
             item.name: getattr(record, item.name)
             for key, item in OPTIONS[section].items()
-            if key in self.given[section]
+            if key in self.given
         }
 
     @property
     def external(self) -> bool:
         """Whether a machine with a driver of its own winds."""
-        return self.machine.machine == EXTERNAL
+        return self.machine.machine == declared.EXTERNAL
 
     @property
     def controlled(self) -> bool:
         """Whether a lay is wanted."""
-        return bool(self.given["lay"])
+        return bool(self.asked("lay"))
 
     @property
     def simulated_lay(self) -> str:
@@ -247,119 +207,80 @@ class RunSpec:
 
     def text(self) -> str:
         """Return a cell file that describes this run."""
-        return cell_text(self.given)
+        return cell_text(
+            {
+                section: {key: self.given[key] for key in keys if key in self.given}
+                for section, keys in OPTIONS.items()
+            }
+        )
+
+    def _contradictions(self) -> Iterator[tuple[str, str]]:
+        """Yield options that contradict others, and why."""
+        name, camera, lay = self.source.name, self.camera.camera, self.machine.lay
+        for key in self._given(_OF_SIMULATED if self.external else _OF_EXTERNAL):
+            who = "the simulated machine" if self.external else "an external machine"
+            yield key, f"{name(key)} is for {who}: see {name('machine')}"
+        for one, other in _ALTERNATIVES:
+            if one in self.given and other in self.given:
+                yield one, f"give {name(one)} or {name(other)}, not both"
+        if self.camera.frame_rate not in (200, 1000):
+            sentence = f"must be 200 or 1000, got {self.camera.frame_rate}"
+            yield "frame_rate", f"{name('frame_rate')} {sentence}"
+        if not camera and not self.external:
+            yield "camera", f"the simulated machine has a camera: see {name('machine')}"
+        pixels, needing = self._given(_OF_PIXELS), self._given(_OF_CAMERA)
+        if pixels and not self.external and self.camera.compose in ("", "camera"):
+            who = "for the pictures of a real camera, not the simulated one's"
+            yield pixels[0], f"{self._listed(pixels, 'are', 'is')} {who}"
+        if needing and not camera:
+            yield needing[0], f"{self._listed(needing, 'need', 'needs')} a camera"
+        if self.camera.compose:
+            for sentence in self._uncomposed():
+                yield "compose", sentence
+        if lay not in ("", "driven") and self.controlled and self.lay.control == "drive":
+            reason = f"{name('control')} drive moves the cable"
+            yield "lay", f"{reason}, and {name('lay')} {lay} does not: use driven"
+        if lay == "paper" and not self.condition.resolved().case.is_published:
+            reason = "paper is what the paper measured of cases 1 to 12; use fem"
+            yield "lay", f"{name('lay')} {reason}"
+        if "lay_tolerance_mm" in self.given and not self.controlled:
+            wishes = f"give {name('control')}, {name('program')} or {name('pitch_mm')}, too"
+            yield "lay_tolerance_mm", f"{name('lay_tolerance_mm')} judges a wanted lay: {wishes}"
+        if "dashboard_port" in self.given and not self.page.dashboard:
+            who = f"a run with {name('dashboard')}"
+            yield "dashboard_port", f"{name('dashboard_port')} is for {who}"
+
+    def _uncomposed(self) -> Iterator[str]:
+        """Yield why a camera cannot run in the tracker's process."""
+        name, compose = self.source.name, self.source.name("compose")
+        if self.graph.attach:
+            yield f"with {name('attach')} the tracker runs elsewhere: compose its camera there"
+        if self.graph.secure:
+            reason = "no policy lets the tracker show frames"
+            yield f"{compose} and {name('secure')} exclude each other: {reason}"
+        if not self.external and self.camera.compose != "camera":
+            yield f"the simulated machine has a camera of its own: {compose} takes camera"
+        if self.external and self.camera.compose == "camera":
+            yours = "name what opens yours, MODULE:FUNCTION or FILE.py:FUNCTION"
+            yield f"{compose} camera is for the simulated machine; {yours}"
+        if self.simulated_lay == "driven" and not self.external:
+            reason = "is shown by the rig's own camera alone"
+            yield f"{name('lay')} driven {reason}: leave out {compose}"
 
     def _given(self, keys: Iterable[str]) -> list[str]:
-        return [key for key in keys if any(key in values for values in self.given.values())]
-
-    def _check(self) -> None:
-        """Refuse options that contradict each other."""
-        name, refuse = self.source.name, self.source.refuse
-        other = _OF_SIMULATED if self.external else _OF_EXTERNAL
-        for key in self._given(other):
-            who = "the simulated machine" if self.external else "an external machine"
-            refuse(key, f"{name(key)} is for {who}: see {name('machine')}")
-        if len(self._given(("turns", "wound_length_mm"))) == 2:
-            refuse("turns", f"give {name('turns')} or {name('wound_length_mm')}, not both")
-        if len(self._given(("program", "pitch_mm"))) == 2:
-            refuse("program", f"give {name('program')} or {name('pitch_mm')}, not both")
-        if self.camera.frame_rate not in (200, 1000):
-            label = name("frame_rate")
-            refuse("frame_rate", f"{label} must be 200 or 1000, got {self.camera.frame_rate}")
-        self._check_camera()
-        self._check_lay()
-        if self.given["page"] and not self.page.dashboard:
-            for key in self._given(("dashboard_port",)):
-                refuse(key, f"{name(key)} is for a run with {name('dashboard')}")
-
-    def _check_camera(self) -> None:
-        name, refuse, compose = self.source.name, self.source.refuse, self.camera.compose
-        if not self.camera.camera and not self.external:
-            refuse("camera", "the simulated machine has a camera: see " + name("machine"))
-        pixels = self._given(options(CameraPixels))
-        if pixels and not (self.external or compose not in ("", "camera")):
-            sentence = "for the pictures of a real camera, not the simulated one's"
-            refuse(pixels[0], f"{self._listed(pixels, 'are', 'is')} {sentence}")
-        needing = self._given(_OF_CAMERA)
-        if needing and not self.camera.camera:
-            refuse(needing[0], f"{self._listed(needing, 'need', 'needs')} a camera")
-        if not compose:
-            return
-        if self.graph.attach:
-            refuse(
-                "compose",
-                f"with {name('attach')} the tracker runs elsewhere: compose its camera there",
-            )
-        if self.graph.secure:
-            refuse(
-                "compose",
-                f"{name('compose')} and {name('secure')} exclude each other: no policy lets the "
-                "tracker show frames",
-            )
-        if not self.external and compose != "camera":
-            refuse(
-                "compose",
-                f"the simulated machine has a camera of its own: {name('compose')} takes camera",
-            )
-        if self.external and compose == "camera":
-            refuse(
-                "compose",
-                f"{name('compose')} camera is for the simulated machine; name what opens yours, "
-                "MODULE:FUNCTION or FILE.py:FUNCTION",
-            )
-
-    def _check_lay(self) -> None:
-        name, refuse, lay = self.source.name, self.source.refuse, self.machine.lay
-        if lay not in ("", "driven") and self.controlled and self.lay.control == "drive":
-            refuse(
-                "lay",
-                f"{name('control')} drive moves the cable, and {name('lay')} {lay} does not: use "
-                "driven",
-            )
-        if self.simulated_lay == "driven" and self.camera.compose and not self.external:
-            refuse(
-                "compose",
-                f"{name('lay')} driven is shown by the rig's own camera alone: leave out "
-                f"{name('compose')}",
-            )
-        if lay == "paper" and not self.condition.resolved().case.is_published:
-            refuse(
-                "lay", f"{name('lay')} paper is what the paper measured of cases 1 to 12; use fem"
-            )
-        if not self.controlled and (judged := self._given(("lay_tolerance_mm",))):
-            refuse(
-                judged[0],
-                f"{name(judged[0])} judges a wanted lay: give {name('control')}, "
-                f"{name('program')} or {name('pitch_mm')}, too",
-            )
+        return [key for key in keys if key in self.given]
 
     def _listed(self, keys: list[str], many: str, one: str) -> str:
-        words = [self.source.name(key) for key in keys]
-        if len(words) == 1:
-            return f"{words[0]} {one}"
-        return f"{', '.join(words[:-1])} and {words[-1]} {many}"
+        *words, last = map(self.source.name, keys)
+        return f"{', '.join(words)} and {last} {many}" if words else f"{last} {one}"
 
 
-def _checked(key: str, item: Declaration, value: object, source: Source, section: str) -> object:
-    """Return a value as a cell file has it; refuse it where it stands."""
-    in_file = source.place(key) is not None
-    spelling = str if in_file else source.spelling
-    with source.at(key):
-        if key == "case" and isinstance(value, int):
-            published_case(value, spelling(key))
-        if in_file and isinstance(item.default, list) and isinstance(value, str):
-            raise ParameterError(f"{key} must be a list of numbers, got {value!r}")
-        typed_values(SECTIONS[section], {key: value}, spelling)
-    if isinstance(value, Path):
-        return str(value)
-    if isinstance(item.default, list) and isinstance(value, str):
-        return [float(number) for number in value.split(",")]
-    return value
-
-
-def _section(name: str, values: Mapping[str, object], source: Source, case: int | None) -> Any:
+def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
     """Return a section's record; refuse a combination where it stands."""
     record = SECTIONS[name]
+    values = {key: given[key] for key in OPTIONS[name] if key in given}
+    # An operator may prepare another one.
+    case = Condition.case if given.get("dashboard") is True else None
 
     def made(keys: Mapping[str, object]) -> Any:
         if record is Condition:

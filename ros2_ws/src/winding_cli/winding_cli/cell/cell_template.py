@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,7 +16,6 @@ from winding_core.parameters import (
     Declaration,
     explained,
     option_kind,
-    options,
     shown_values,
     typed_declaration,
 )
@@ -110,44 +109,29 @@ def meaning(spec: RunSpec, config: RunConfig) -> Iterator[tuple[str, str]]:
         spec: The run.
         config: What its graph is configured with.
     """
-    what, recording, camera = spec.condition.resolved(), spec.recording, spec.camera
-    label = WoundLabel.of(what)
-    yield (
-        "wound",
-        f"{f'case {label.case}' if label.case else 'an own condition'}: {label.sentence}, "
-        f"{what.drive.angular_speed:g} rad/s for {what.duration:g} s",
-    )
-    yield "condition", _values(spec.condition.as_typed(spec.given["condition"]), Condition)
+    what, recording = spec.condition.resolved(), spec.recording
+    label, speed = WoundLabel.of(what), what.drive.angular_speed
+    name = f"case {label.case}" if label.case else "an own condition"
+    yield "wound", f"{name}: {label.sentence}, {speed:g} rad/s for {what.duration:g} s"
+    machine = f"simulated, its cable lies as {spec.simulated_lay}"
     if config.machine is not None:
         turns = config.machine.end_angle / (2.0 * math.pi)
-        axes = _shown(config.machine.axes)
-        yield "machine", f"external, begins by {spec.machine.start}, {turns:.2f} turns, {axes}"
-    else:
-        motion = f"speed {spec.machine.speed:g}, seed {spec.machine.seed}"
-        yield "machine", f"simulated, {motion}, its cable lies as {spec.simulated_lay}"
-    yield "camera", _shown(camera) if camera.camera else "none"
-    yield "tracking", _shown(spec.tracking)
-    yield "wanted lay", _shown(spec.lay) if spec.controlled else "none"
-    yield "limits", _shown(spec.limits)
-    yield "page", f"port {spec.page.dashboard_port}" if spec.page.dashboard else "none"
+        machine = f"external, begins by {spec.machine.start}, ends after {turns:.2f} turns"
+    yield "machine", f"{machine}; {'with' if spec.camera.camera else 'without'} a camera"
+    yield "lay", f"wanted, control {spec.lay.control}" if spec.controlled else "no lay is wanted"
     yield "nodes", ", ".join(node.name for node in config.graph)
     yield "graph", f"namespace /{config.namespace}, DDS domain {chosen_domain(config.domain)}"
-    stored = f"every topic into {recording.bag}, compression {recording.compression}"
-    yield "recorded", stored if recording.bag else "nothing"
+    yield "recorded", f"every topic into {config.bag}" if config.bag else "nothing"
     further = (recording.report, recording.json, recording.trace, spec.machine.truth_file)
     files = (config.directory, *further)
     yield "written", ", ".join(str(Path(file).absolute()) for file in files if file)
-
-
-def _shown(record: Any) -> str:
-    return _values(shown_values(type(record), vars(record)), type(record))
-
-
-def _values(values: Mapping[str, Any], record: type) -> str:
-    """Return what holds, without texts that are empty and zeros that stand for something else."""
-    declared = options(record)
-    return ", ".join(
-        f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
-        for key, value in values.items()
-        if value or value != declared[key].default
-    )
+    for section, declared in OPTIONS.items():
+        record = getattr(spec, section)
+        stated = {key: spec.given[key] for key in declared if key in spec.given}
+        values = shown_values(SECTIONS[section], vars(record)) | stated
+        if section == "condition":
+            values = spec.condition.as_typed(stated)
+        shown = (
+            f"{key} {value}" for key, value in values.items() if value or declared[key].default
+        )
+        yield f"  {section}", ", ".join(shown)

@@ -9,14 +9,12 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.run.configuration import configured
+from winding_cli.run.configuration import configured, path_of
 from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
 from winding_cli.terminal.refusal import refused
 from winding_core.parameters import Declaration, explained, option_kind
-from winding_core.run_options import OperatorLimits
-from winding_core.run_spec import OPTIONS, USUAL, RunSpec
+from winding_core.run_spec import OPTIONS, SECTION_OF, USUAL, RunSpec
 
-_WIDTH = 80
 _HEAD = """\
 Usage: winding run [CELL] [OPTIONS]
 
@@ -28,42 +26,33 @@ is typed wins over it.
 
 def _show_usual(wanted: bool) -> None:
     if wanted:
-        usual = {
-            key: item
-            for declared in OPTIONS.values()
-            for key, item in declared.items()
-            if key in USUAL
-        }
-        print(f"{_HEAD}\n{_explained(usual)}")
+        declared = {key: OPTIONS[SECTION_OF[key]][key] for key in USUAL}
+        print(f"{_HEAD}\n{_explained(declared)}")
         print("\nThese are the usual options; `winding run --help-all` shows all of them.")
         raise typer.Exit
 
 
 def _show_all(wanted: bool) -> None:
     if wanted:
-        print(f"{_HEAD}The options stand in the sections of a cell file.")
-        for section, declared in OPTIONS.items():
-            print(f"\n{section}:\n{_explained(declared)}")
+        print(_HEAD)
+        print("\n\n".join(f"{name}:\n{_explained(keys)}" for name, keys in OPTIONS.items()))
         raise typer.Exit
 
 
 def _explained(declared: Mapping[str, Declaration]) -> str:
-    heads = {key: _typed_as(key, item) for key, item in declared.items()}
-    column = max(map(len, heads.values())) + 4
+    """Return options with what they mean, in two columns."""
+    heads = {}
+    for key, item in declared.items():
+        name, kind = spelled(key), option_kind(item)
+        heads[key] = f"  --[no-]{name[2:]}" if kind is bool else f"  {name} {kind.__name__.lower()}"
+    indent = " " * (max(map(len, heads.values())) + 2)
+    texts = {key: explained(item) for key, item in declared.items()}
     return "\n".join(
         textwrap.fill(
-            explained(item),
-            _WIDTH,
-            initial_indent=f"  {heads[key]}".ljust(column),
-            subsequent_indent=" " * column,
+            texts[key], 80, initial_indent=f"{head:{len(indent)}}", subsequent_indent=indent
         )
-        for key, item in declared.items()
+        for key, head in heads.items()
     )
-
-
-def _typed_as(key: str, item: Declaration) -> str:
-    name, kind = spelled(key), option_kind(item)
-    return f"--[no-]{name[2:]}" if kind is bool else f"{name} {kind.__name__.lower()}"
 
 
 @with_options_of_run
@@ -84,42 +73,28 @@ def run(
     ] = False,
 ) -> None:
     """Wind one case: predict, measure, correct; end with a table and a report."""
-    with refused(ValueError):
-        wind_spec(RunSpec.from_cell(cell, typed, spelled))
-
-
-def wind_spec(spec: RunSpec) -> None:
-    """Wind a run, and end the command as it comes out.
-
-    Raises:
-        ParameterError: Before anything moves, of what would end the run later.
-    """
     from winding_cli.run.delivery import DeliveryOptions, RunDelivery
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here
     from winding_recorder.bags.description import ORIGIN
 
     origin = origin_here()
-    config = configured(spec, {ORIGIN: origin.text})
-    recording, limits = spec.recording, spec.given["limits"]
-    report, numbers, trace = (
-        Path(text) if text else None for text in (recording.report, recording.json, recording.trace)
-    )
+    with refused(ValueError):
+        spec = RunSpec.from_cell(cell, typed, spelled)
+        config = configured(spec, {ORIGIN: origin.text})
+    recording = spec.recording
     delivery = RunDelivery(
         config,
         spec.condition,
         origin,
         DeliveryOptions(
-            report=report,
-            json=numbers,
-            trace=trace,
+            report=path_of(recording.report),
+            json=path_of(recording.json),
+            trace=path_of(recording.trace),
             wish=spec.asked("lay"),
-            limits=OperatorLimits(
-                lay_tolerance=spec.limits.lay_tolerance,
-                error_limit_pct=spec.limits.error_limit_pct,
-            ),
-            lay_held="lay_tolerance_mm" in limits,
-            errors_held="error_limit_pct" in limits,
+            limits=spec.limits,
+            lay_held="lay_tolerance_mm" in spec.given,
+            errors_held="error_limit_pct" in spec.given,
         ),
     )
     failure = wind(config, spec.condition, delivery)

@@ -62,10 +62,10 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
         machine=_external_machine(spec),
         own=_own_parameters(spec),
         duration=what.duration,
-        bag=_path(recording.bag),
+        bag=path_of(recording.bag),
         recording=BagConfig(compression=recording.compression, split_bytes=round(recording.split)),
-        parameters_file=_path(graph.parameters),
-        domain=graph.domain if "domain" in spec.given["graph"] else None,
+        parameters_file=path_of(graph.parameters),
+        domain=graph.domain if "domain" in spec.given else None,
         namespace=graph.namespace,
         attach=graph.attach,
         page=_page_parameters(spec) if spec.page.dashboard else None,
@@ -79,7 +79,8 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
     return config
 
 
-def _path(text: str) -> Path | None:
+def path_of(text: str) -> Path | None:
+    """Return the path that an option names; None for an empty text."""
     return Path(text) if text else None
 
 
@@ -151,12 +152,12 @@ def _composed_camera(spec: RunSpec) -> str:
 
 def _check_outputs(spec: RunSpec) -> None:
     recording, label = spec.recording, spec.source.label
-    check_output_folder(_path(recording.bag), label("bag"), new=True)
-    check_output_folder(_path(recording.output), label("output"), new=True)
-    check_output_folder(_path(recording.report), label("report"))
+    check_output_folder(path_of(recording.bag), label("bag"), new=True)
+    check_output_folder(path_of(recording.output), label("output"), new=True)
+    check_output_folder(path_of(recording.report), label("report"))
     files = {"json": recording.json, "trace": recording.trace, "truth": spec.machine.truth_file}
     for key, file in files.items():
-        check_output_file(_path(file), label(key), make_folder=True)
+        check_output_file(path_of(file), label(key), make_folder=True)
 
 
 def _check_nodes(spec: RunSpec, config: RunConfig) -> None:
@@ -201,7 +202,7 @@ def _page_parameters(spec: RunSpec) -> dict[str, object]:
             own = parameters_for(file, f"/{namespace}/{PAGE.name}")
             values |= _of(parameters_of(PAGE), own)
         values |= _of(CameraPlacement, spec.asked("camera")) | spec.asked("limits")
-        if "dashboard_port" in spec.given["page"]:
+        if "dashboard_port" in spec.given:
             values["port"] = spec.page.dashboard_port
         page: Any = build(parameters_of(PAGE), values, owner=PAGE.name)
         page.check()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from winding_cli.terminal.record_options import Typed, spelled
 from winding_core.lay.errors import LayTolerance
-from winding_core.parameters import Value, build, typed_values
+from winding_core.parameters import ParameterError, Value, build, typed_values
 from winding_core.run_spec import RunSpec
 
 if TYPE_CHECKING:
@@ -68,7 +68,10 @@ def _controller(spec: RunSpec) -> LayController:
     from lay_control_node.ros.parameters import LayControlParameters
 
     own = {item.name: getattr(spec.condition, item.name) for item in fields(spec.condition)}
-    key = "program" if spec.lay.program else "lay:"
-    with spec.source.at(key, named=key == "program"):
-        values = {**own, **spec.asked("lay")}
-        return build(LayControlParameters, values, owner="winding run").new_controller()
+    wish = build(LayControlParameters, {**own, **spec.asked("lay")}, owner="winding run")
+    try:
+        return wish.new_controller()
+    except ValueError as error:
+        if spec.lay.program:
+            raise ParameterError(f"{spec.source.label('program')}: {error}") from error
+        spec.source.refuse("lay:", error)
