@@ -120,18 +120,18 @@ class Source:
 class RunSpec:
     """One run as it was asked for."""
 
-    condition: Condition
-    machine: declared.RunMachine
-    camera: declared.RunCamera
-    tracking: declared.RunTracking
+    condition: Condition  # What is wound
+    machine: declared.RunMachine  # Who winds it
+    camera: declared.RunCamera  # What looks on
+    tracking: declared.RunTracking  # What it looks for
     lay: declared.LayWish  # Wanted; there is one where any option of it is given
-    correction: declared.RunCorrection
-    recording: declared.RunRecording
-    limits: declared.OperatorLimits
-    page: declared.RunPage
-    graph: declared.RunGraph
+    correction: declared.RunCorrection  # Of the predicted lengths
+    recording: declared.RunRecording  # What is left, and where
+    limits: declared.OperatorLimits  # What is called good
+    page: declared.RunPage  # Of an operator
+    graph: declared.RunGraph  # Of the nodes
     given: Mapping[str, object] = field(compare=False)  # Option -> value in the option's unit
-    source: Source = field(compare=False, repr=False)
+    source: Source = field(compare=False, repr=False)  # Of the options
 
     @classmethod
     def from_cell(
