@@ -129,6 +129,7 @@ def of_text() -> Iterator[Wrong]:
     yield Wrong("latin", changed(4, "  law: hypér").encode("latin-1"), 4, "UTF-8")
     yield Wrong("control", changed(4, "  law: a\x07").encode(), 4, "character")
     yield Wrong("escape", changed(4, r'  law: "\UFFFFFFFF"').encode(), 4)
+    yield Wrong("line feed", changed(25, r'  output: "a\nb"').encode(), 25, "character")
     yield Wrong("anchor", changed(2, "  case: &n 7").encode(), 2, "anchors")
     yield Wrong("alias", changed(9, "  seed: *n").encode(), 9, "anchors")
     yield Wrong("tag", changed(9, "  seed: !!python/name:os.system").encode(), 9, "tags")

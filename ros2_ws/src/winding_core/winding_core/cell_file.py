@@ -177,6 +177,8 @@ def _value(node: yaml.Node, key: str, file: str) -> object:
     if not isinstance(node, yaml.ScalarNode):
         place.refuse(f"{key} is an option and takes a value, not further names")
     text = str(node.value)
+    if not text.isprintable():
+        place.refuse(f"{key} has a character that no option takes, in {text[:40]!r}")
     if node.style is not None:
         return text
     if _is_empty(node):
