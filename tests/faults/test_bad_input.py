@@ -39,7 +39,7 @@ REFUSED: list[tuple[list[object], str]] = [
     (["--case", 4, "--young-mpa", 4, "--lay", "paper"], "--lay paper is what the paper measured"),
     (["--case", 4, "--young-mpa", 0.1, "--law", "hencky"], "law hencky carries at most"),
     (["--case", 4, "--duration-s", 0], "--duration-s must be positive, got 0"),
-    (["--case", 4, "--domain", 233], "whole number of 0 to 232, got 233"),
+    (["--case", 4, "--domain", 233], "--domain must be at most 232, got 233"),
     (["--case", 4, "--namespace", "a b"], "namespace must be made of letters"),
     (["--case", 4, "--parameters", "absent.yaml"], "--parameters: there is no file absent.yaml"),
     (["--case", 4, "--speed", -1], "--speed must be at least 0, got -1"),

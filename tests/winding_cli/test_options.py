@@ -103,7 +103,7 @@ def test_markers_and_the_camera_clock_have_these_options() -> None:
         (("--machine", "external", "--compose", "nowhere.py:open"), "no camera at nowhere.py"),
         (
             ("--machine", "external", "--no-camera", "--compose", "json:load"),
-            "--compose and --no-camera exclude each other",
+            "--compose needs a camera",
         ),
     ],
 )

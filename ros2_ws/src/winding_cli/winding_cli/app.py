@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 # Command of the product -> first paragraph of its help, in the order of the list of commands.
 SUMMARIES = {
     "run": "Wind one case: predict, measure, correct; end with a table and a report.",
+    "cell": "Write, check and describe cell files, which `winding run` takes.",
     "serve": "Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C.",
     "predict": (
         "Predict where every marker ends up, how much cable is used, and how far to trust it."

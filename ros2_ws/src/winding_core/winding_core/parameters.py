@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import math
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from winding_core.units import Unit
@@ -227,12 +229,14 @@ def options(configuration: type) -> dict[str, Declaration]:
 
 
 def option_kinds(configuration: type) -> dict[str, type]:
-    """Return the type of every option by its name: bool, int, float or str; str for a list."""
+    """Return the type of every option by its name, as `option_kind` has it."""
     return {key: option_kind(item) for key, item in options(configuration).items()}
 
 
 def option_kind(item: Declaration) -> type:
     """Return the type of an option: numbers of a list are typed as one text, with commas."""
+    if item.unit is not None and item.unit.path:
+        return Path
     return str if isinstance(item.default, list) else type(item.default)
 
 
@@ -279,7 +283,9 @@ def typed_values(
 
 
 def _listed(item: Declaration, value: object) -> object:
-    """Return the numbers of a list that was typed as text."""
+    """Return the numbers of a list that was typed as text, and the text of a path."""
+    if isinstance(value, os.PathLike):
+        return os.fspath(value)
     if not (isinstance(item.default, list) and isinstance(value, str)):
         return value
     try:

@@ -2,15 +2,91 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Self
 
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay.errors import LayTolerance
+from winding_core.machine.axes import MachineAxes
+from winding_core.markers import MarkerParameters
 from winding_core.parameters import parameter
 from winding_core.raw_image import ENCODINGS
-from winding_core.units import LENGTH, PLAIN, ROW_TIME, SHORT_TIME, SMALL_ANGLE
+from winding_core.units import (
+    LENGTH,
+    PATH,
+    PLAIN,
+    ROW_TIME,
+    SHORT_TIME,
+    SIZE,
+    SMALL_ANGLE,
+    TIME,
+)
+
+SIMULATED, EXTERNAL = "simulated", "external"
+# How an external machine begins.
+BY_SERVICE, BY_MOTION = "service", "motion"
+LAY_MEANING = (
+    "where the simulated cable lies: paper, as published; fem, a cable with hidden properties; "
+    "driven, what the machine's own motion and pull lay, whatever is commanded"
+)
+_NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedMachine:
+    """What only the simulated machine takes."""
+
+    lay: str = parameter("", LAY_MEANING, PLAIN)
+    speed: float = parameter(
+        1.0, "simulated seconds per second; 0 = as fast as the slowest consumer follows", PLAIN,
+        0.0, 1000.0,
+    )  # fmt: skip
+    seed: int = parameter(1, "seed of sensor noise and of the hidden cable", PLAIN, 0)
+    truth_file: str = parameter(
+        "",
+        "file of where the cable truly lies and of what was hidden, written at the end of the "
+        "run and on deactivation (JSON); empty for none",
+        PATH,
+        option="truth",
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class SimulatedCamera:
+    """What only the simulated camera takes."""
+
+    frame_rate: int = parameter(200, "frames per simulated second: 200 or 1000", PLAIN, 200, 1000)
+    camera_noise: float = parameter(
+        1.5, "read noise of the camera, one standard deviation [grey levels]", PLAIN, 0.0, 50.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunMachine(MachineAxes, SimulatedMachine):
+    """Which machine winds."""
+
+    machine: str = parameter(
+        SIMULATED, "who winds; external is a driver that runs already", PLAIN,
+        choices=(SIMULATED, EXTERNAL),
+    )  # fmt: skip
+    start: str = parameter(
+        BY_SERVICE,
+        "how an external machine begins: service calls rig/start, motion waits for it",
+        PLAIN,
+        choices=(BY_SERVICE, BY_MOTION),
+    )
+    turns: float = parameter(
+        0.0, "turns after which an external run ends", PLAIN, 1.0e-6, otherwise="the drive's"
+    )
+    wound_length: float = parameter(
+        0.0, "undeformed cable after which an external run ends, about", LENGTH, 1.0e-6,
+        otherwise="the drive's turns",
+    )  # fmt: skip
+    standing: float = parameter(
+        60.0, "standstill after which an external machine has ended its run", TIME, 1.0e-3
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,10 +140,28 @@ class CameraPixels:
 
 
 @dataclass(frozen=True, kw_only=True)
+class RunCamera(CameraPlacement, CameraPixels, CameraClockParameters, SimulatedCamera):
+    """Which camera looks, from where, and what it delivers."""
+
+    camera: bool = parameter(True, "whether an external machine has a camera", PLAIN)
+    compose: str = parameter(
+        "",
+        "track frames in the camera's process: camera for the simulated one, or what opens a real "
+        "one, MODULE:FUNCTION or FILE.py:FUNCTION",
+        PLAIN,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class LayParameters:
     """What is measured beside the markers."""
 
     measure_lay: bool = parameter(True, "whether every turn on the cylinder is measured", PLAIN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunTracking(MarkerParameters, LayParameters):
+    """What is looked for, and measured."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,12 +170,12 @@ class LayWish:
 
     control: str = parameter(
         "watch",
-        "mode in which the lay controller begins: off, watch (reports its commands only) or drive",
+        "how the lay controller begins; watch reports its commands only",
         PLAIN,
         choices=("off", "watch", "drive"),
     )
     program: str = parameter(
-        "", "lay program: a file of CSV, YAML or G-code; empty for an even helix", PLAIN
+        "", "lay program: a file of CSV, YAML or G-code; empty for an even helix", PATH
     )
     pitch: float = parameter(
         0.0,
@@ -116,3 +210,62 @@ class OperatorLimits(ErrorLimit, LayTolerance):
     def values(self) -> dict[str, str]:
         """Return the limits as values of a status, to the last digit."""
         return {name: repr(value) for name, value in vars(self).items()}
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunCorrection:
+    """How predicted lengths are corrected."""
+
+    weights: str = parameter("", "trained weight: shipped name or folder", PLAIN)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunRecording:
+    """What a run leaves, and where."""
+
+    output: str = parameter(
+        "", "new folder of logs, report and numbers; else runs/<time>-case<N>", PATH
+    )
+    report: str = parameter("", "folder of the report; else report in that folder", PATH)
+    json: str = parameter("", "file of the run's numbers; else run.json in that folder", PATH)
+    bag: str = parameter("", "record every topic into this new rosbag2 folder", PATH)
+    compression: str = parameter(
+        "none", "compression of MCAP chunks", PLAIN, choices=("none", "zstd")
+    )
+    split: float = parameter(
+        2.0e9, "size after which a further file of the bag begins; 0 = never", SIZE, 0.0
+    )
+    trace: str = parameter(
+        "", "file of where each corrected length's time went, for Perfetto (Trace Event JSON)", PATH
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPage:
+    """Whether an operator conducts the run."""
+
+    dashboard: bool = parameter(
+        False, "whether the operator's page is served, and the run waits for its Start", PLAIN
+    )
+    dashboard_port: int = parameter(8080, "TCP port of that page", PLAIN, 1, 65535)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunGraph:
+    """Where the nodes run, and with what."""
+
+    parameters: str = parameter("", "ROS parameter file for the nodes", PATH)
+    domain: int = parameter(0, "DDS domain, else that of ROS_DOMAIN_ID", PLAIN, 0, 232)
+    namespace: str = parameter("winding", "namespace of the graph", PLAIN)
+    attach: bool = parameter(
+        False, "whether the nodes run already, such as in containers of their own", PLAIN
+    )
+    secure: bool = parameter(
+        False, "whether the run is refused unless DDS security is enforced", PLAIN
+    )
+
+    def __post_init__(self) -> None:
+        if not _NAMESPACE.fullmatch(self.namespace):
+            raise ValueError(
+                f"namespace must be made of letters, digits, _ and /, got {self.namespace!r}"
+            )

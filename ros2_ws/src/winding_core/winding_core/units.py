@@ -23,6 +23,7 @@ class Unit:
     si: str = ""  # Of the SI unit that is stored.
     scale: float = 1.0  # One typed unit in SI.
     suffix: str = ""  # Of an option's name, that names what is typed; empty for none.
+    path: bool = False  # Whether what is typed names a file or a folder.
 
     def to_si(self, typed: float) -> float:
         """Return a typed number in SI."""
@@ -37,6 +38,7 @@ class Unit:
 
 
 PLAIN = Unit()
+PATH = Unit(path=True)
 LENGTH = Unit(symbol="mm", si="m", scale=MILLIMETRE, suffix="mm")
 STRESS = Unit(symbol="MPa", si="Pa", scale=MEGAPASCAL, suffix="mpa")
 FORCE = Unit(symbol="N", si="N", suffix="n")
@@ -51,4 +53,5 @@ SHORT_TIME = Unit(symbol="ms", si="s", scale=MILLISECOND, suffix="ms")
 ROW_TIME = Unit(symbol="µs", si="s", scale=MICROSECOND, suffix="us")
 ANGLE = Unit(symbol="rad", si="rad", suffix="rad")
 SMALL_ANGLE = Unit(symbol="mrad", si="rad", scale=MILLIRADIAN, suffix="mrad")
+SIZE = Unit(symbol="MB", si="B", scale=MEGABYTE, suffix="mb")
 HUE = Unit(symbol="deg", si="deg", suffix="deg")

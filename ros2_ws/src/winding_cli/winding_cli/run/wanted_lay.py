@@ -7,32 +7,12 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 from winding_cli.terminal.record_options import Typed, spelled
-from winding_core.cable.condition import Condition
 from winding_core.lay.errors import LayTolerance
-from winding_core.lay.program import LayProgramError
 from winding_core.parameters import ParameterError, Value, build, typed_values
-from winding_core.run_options import LayWish
+from winding_core.run_spec import RunSpec
 
 if TYPE_CHECKING:
     from lay_control_node.control.lay_controller import LayController
-
-
-def wish_of(typed: Typed, condition: Condition) -> dict[str, Value]:
-    """Return the parameters of the wanted lay; nothing where no controller of the lay is asked for.
-
-    Raises:
-        ParameterError: A value is refused.
-        LayProgramError: The program cannot be read or used.
-    """
-    values = typed_values(LayWish, typed, spelled)
-    if values:
-        try:
-            _controller(values, condition)
-        except LayProgramError as error:
-            if "program" in values:
-                raise LayProgramError(f"--program: {error}") from error
-            raise
-    return values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,19 +28,6 @@ class Held:
         return {"lay_tolerance": self.limit} if self.asked else {}
 
 
-def tolerance_of(typed: Typed, wish: Mapping[str, Value]) -> Held:
-    """Return what the lay of a run is held against.
-
-    Raises:
-        ParameterError: The tolerance is refused, or no lay is wanted.
-    """
-    if typed and not wish:
-        raise ParameterError(
-            "--lay-tolerance-mm judges a wanted lay: give --control, --program or --pitch-mm, too"
-        )
-    return held_against(typed)
-
-
 def held_against(typed: Typed) -> Held:
     """Return what a lay is held against.
 
@@ -72,28 +39,39 @@ def held_against(typed: Typed) -> Held:
     return Held(limit=kept.lay_tolerance, asked=bool(values))
 
 
-def lead_of(wish: Mapping[str, Value], condition: Condition) -> float:
+def lead_of(spec: RunSpec) -> float:
     """Return by how much the guide of a wanted lay goes ahead of the cable at first [m]."""
-    if not wish:
+    if not spec.controlled:
         return 0.0
-    what = condition.resolved()
-    slope = _controller(wish, condition).wanted.at(0.0).slope
+    what = spec.condition.resolved()
+    slope = _controller(spec).wanted.at(0.0).slope
     return slope * what.free_length / what.case.centreline_radius
 
 
-def _controller(wish: Mapping[str, Value], condition: Condition) -> LayController:
-    from lay_control_node.ros.parameters import LayControlParameters
+def controlled_nodes(spec: RunSpec) -> dict[str, Mapping[str, Value]]:
+    """Return parameters of a run with a wanted lay beside the condition, by node.
 
-    own = {item.name: getattr(condition, item.name) for item in fields(condition)}
-    return build(LayControlParameters, {**own, **wish}, owner="winding run").new_controller()
-
-
-def controlled_nodes(wish: Mapping[str, Value]) -> dict[str, Mapping[str, Value]]:
-    """Return parameters of a controlled run beside the condition, by node."""
+    Raises:
+        ParameterError: The wanted lay cannot be read or used.
+    """
     from lay_control_node.control.control_parameters import ControlParameters
     from winding_ros import topics
 
+    _controller(spec)
     return {
-        topics.LAY_CONTROL: wish,
+        topics.LAY_CONTROL: spec.asked("lay"),
         topics.FEM: {"carriage_speed": ControlParameters().guide_speed_limit},
     }
+
+
+def _controller(spec: RunSpec) -> LayController:
+    from lay_control_node.ros.parameters import LayControlParameters
+
+    own = {item.name: getattr(spec.condition, item.name) for item in fields(spec.condition)}
+    wish = build(LayControlParameters, {**own, **spec.asked("lay")}, owner="winding run")
+    try:
+        return wish.new_controller()
+    except ValueError as error:
+        if spec.lay.program:
+            raise ParameterError(f"{spec.source.label('program')}: {error}") from error
+        spec.source.refuse("lay:", error)

@@ -16,7 +16,6 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
-from winding_cli.run.configuration import check_before_start
 from winding_cli.terminal.console import Shown, record_table
 from winding_cli.terminal.refusal import FAILED, complain, fail, refuse
 from winding_cli.terminal.termination import end
@@ -59,7 +58,6 @@ def wind(
     from winding_supervisor.session.run import opened_run
     from winding_supervisor.session.run_config import RunFolderError
 
-    check_before_start(config)
     interrupted = partial(end, "interrupted; the nodes are stopped")
     ending: Callable[[], NoReturn] | None = None
     results: list[RunResult] = []

@@ -9,6 +9,7 @@ import numpy as np
 from winding_core.cable.condition import Condition
 from winding_core.markers import MarkerLook
 from winding_core.parameters import parameter
+from winding_core.run_options import LAY_MEANING, SimulatedCamera, SimulatedMachine
 from winding_rig_node.lay.known_lay import (
     FEM,
     PAPER,
@@ -22,23 +23,10 @@ from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS,
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigParameters(MarkerLook, Condition):
+class RigParameters(SimulatedCamera, SimulatedMachine, MarkerLook, Condition):
     """What is wound, how fast simulated time runs, and what the camera sees."""
 
-    lay: str = parameter(
-        "paper",
-        "where the cable lies: the published measurement; what a cable with hidden properties "
-        "makes of the drive programme; or what a rig with hidden properties makes of its own "
-        "motion and pull, whatever is commanded",
-        choices=(PAPER, FEM, *MOTION_LAYS),
-    )
-    speed: float = parameter(
-        1.0,
-        "simulated seconds per second; 0 = as fast as the slowest consumer follows",
-        low=0.0,
-        high=1000.0,
-    )
-    seed: int = parameter(1, "seed of sensor noise and of the hidden cable", low=0)
+    lay: str = parameter(PAPER, LAY_MEANING, choices=(PAPER, FEM, *MOTION_LAYS))
     pace_topics: str = parameter(
         "", "comma-separated topics whose stamps hold simulated time back; empty for none"
     )
@@ -48,17 +36,8 @@ class RigParameters(MarkerLook, Condition):
     pace_timeout: float = parameter(
         30.0, "wall time without an answer of a paced topic after which the rig fails [s]", low=0.1
     )
-    camera_noise: float = parameter(
-        1.5, "read noise of the camera, one standard deviation [grey levels]", low=0.0, high=50.0
-    )
-    frame_rate: int = parameter(200, "frames per simulated second: 200 or 1000", low=200, high=1000)
     camera_elsewhere: bool = parameter(
         False, "whether the camera runs in another process and this one shows no frames"
-    )
-    truth_file: str = parameter(
-        "",
-        "file of where the cable truly lies and of what was hidden, written at the end of the "
-        "run and on deactivation (JSON); empty for none",
     )
     preview_quality: int = parameter(80, "JPEG quality of the preview", low=1, high=100)
     supervisor_timeout: float = parameter(

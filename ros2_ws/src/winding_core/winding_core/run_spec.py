@@ -1,0 +1,305 @@
+"""What a run is: the one record that a cell file, a command line, a goal and the page make."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, NoReturn, Self
+
+from winding_core import run_options as declared
+from winding_core.cable.condition import Condition, published_case
+from winding_core.cell_file import CellFile, Place, cell_text, read_cell
+from winding_core.machine.axes import MachineAxes
+from winding_core.markers import MarkerLook
+from winding_core.parameters import (
+    ParameterError,
+    Spelling,
+    Value,
+    build,
+    options,
+    refuse_unknown,
+    typed_values,
+)
+
+# Section -> what it declares.
+SECTIONS: Mapping[str, type] = MappingProxyType(
+    {
+        "condition": Condition,
+        "machine": declared.RunMachine,
+        "camera": declared.RunCamera,
+        "tracking": declared.RunTracking,
+        "lay": declared.LayWish,
+        "correction": declared.RunCorrection,
+        "recording": declared.RunRecording,
+        "limits": declared.OperatorLimits,
+        "page": declared.RunPage,
+        "graph": declared.RunGraph,
+    }
+)
+# Section -> option -> declaration.
+OPTIONS = MappingProxyType({section: options(record) for section, record in SECTIONS.items()})
+SECTION_OF = MappingProxyType({key: name for name, keys in OPTIONS.items() for key in keys})
+# What most runs are described by.
+USUAL = (
+    *("case", "cylinder_diameter_mm", "cable_diameter_mm", "tension_n", "young_mpa", "duration_s"),
+    *("machine", "turns", "speed", "camera", "control", "program", "pitch_mm"),
+    *("weights", "output", "bag", "dashboard", "namespace"),
+)
+# Of these the one that is given over a file replaces the file's.
+_ALTERNATIVES = (
+    ("tension_n", "tension_mpa"),
+    ("free_length_mm", "guide_distance_mm"),
+    ("turns", "wound_length_mm"),
+    ("program", "pitch_mm"),
+)
+_OF_SIMULATED = (*options(declared.SimulatedMachine), *options(declared.SimulatedCamera))
+_OF_EXTERNAL = (*options(MachineAxes), "start", "turns", "wound_length_mm", "standing_s")
+_OF_PIXELS = (*options(declared.CameraPixels),)
+_OF_CAMERA = (
+    *_OF_PIXELS,
+    *options(declared.CameraClockParameters),
+    *options(declared.CameraPlacement),
+    *options(declared.LayParameters),
+    "compose",
+)
+# A goal comes over the network: it names no file and no code, and the server owns page and graph.
+GOAL_OPTIONS = tuple(
+    key
+    for key, section in SECTION_OF.items()
+    if section not in ("page", "graph", "recording")
+    and key not in ("program", "truth", "compose", "weights")
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where options came from, for refusals."""
+
+    typed: frozenset[str] = frozenset()  # Options that were given beside the file
+    spelling: Spelling = str  # How such an option is written
+    cell: CellFile | None = None  # The file
+
+    def place(self, name: str) -> Place | None:
+        """Return where an option, or a section as `lay:`, stands in the file; None without one."""
+        if self.cell is None or name in self.typed:
+            return None
+        if name.endswith(":"):
+            return self.cell.sections.get(name[:-1], self.cell.start)
+        return self.cell.places.get(name)
+
+    def name(self, key: str) -> str:
+        """Return how a sentence names an option."""
+        place = self.place(key)
+        if place is not None:
+            return f"{key} (line {place.line})"
+        return self.spelling(key) if self.cell is None or key in self.typed else key
+
+    def label(self, key: str) -> str:
+        """Return how a refusal of an option begins."""
+        place = self.place(key)
+        return self.spelling(key) if place is None else f"{place}: {key}"
+
+    def refuse(self, key: str, sentence: object) -> NoReturn:
+        """Raise ParameterError with the place of an option or a section."""
+        place = self.place(key)
+        raise ParameterError(f"{sentence}" if place is None else f"{place}: {sentence}")
+
+    @contextmanager
+    def at(self, key: str) -> Iterator[None]:
+        """Refuse what the body refuses with the place of an option or a section."""
+        try:
+            yield
+        except (ValueError, OSError) as error:
+            self.refuse(key, error)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSpec:
+    """One run as it was asked for."""
+
+    condition: Condition  # What is wound
+    machine: declared.RunMachine  # Who winds it
+    camera: declared.RunCamera  # What looks on
+    tracking: declared.RunTracking  # What it looks for
+    lay: declared.LayWish  # Wanted; there is one where any option of it is given
+    correction: declared.RunCorrection  # Of the predicted lengths
+    recording: declared.RunRecording  # What is left, and where
+    limits: declared.OperatorLimits  # What is called good
+    page: declared.RunPage  # Of an operator
+    graph: declared.RunGraph  # Of the nodes
+    given: Mapping[str, object] = field(compare=False)  # Option -> value in the option's unit
+    source: Source = field(compare=False, repr=False)  # Of the options
+
+    @classmethod
+    def from_cell(
+        cls, path: Path | None, typed: Mapping[str, object], spelling: Spelling = str
+    ) -> Self:
+        """Return the run of a cell file with options over it.
+
+        Args:
+            path: Of the file; None for options alone.
+            typed: Option -> value in its unit; they win over the file.
+            spelling: How a refusal writes an option's name.
+
+        Raises:
+            CellError: The file is refused.
+            ParameterError: A name, a value or a combination is refused.
+        """
+        refuse_unknown(typed, SECTION_OF, owner="a run")
+        cell = None if path is None else read_cell(path, OPTIONS)
+        replaced = {
+            key for group in _ALTERNATIVES if typed.keys() & {*group} for key in group
+        } - typed.keys()
+        given = {**(cell.values if cell else {}), **typed}
+        given = {key: value for key, value in given.items() if key not in replaced}
+        source = Source(typed=frozenset(typed), spelling=spelling, cell=cell)
+        for key, value in given.items():
+            written = str if source.place(key) is not None else spelling
+            with source.at(key):
+                if key == "case" and isinstance(value, int):
+                    published_case(value, written(key))
+                typed_values(SECTIONS[SECTION_OF[key]], {key: value}, written)
+        sections = {name: _section(name, given, source) for name in SECTIONS}
+        spec = cls(given=given, source=source, **sections)
+        for key, sentence in spec._contradictions():
+            source.refuse(key, sentence)
+        return spec
+
+    @classmethod
+    def from_goal(cls, wanted: Mapping[str, object]) -> Self:
+        """Return the run that a goal describes.
+
+        Raises:
+            ParameterError: An option that no goal has, or a value or a combination is refused.
+        """
+        refuse_unknown(wanted, GOAL_OPTIONS, owner="a goal")
+        return cls.from_cell(None, wanted)
+
+    def asked(self, section: str) -> dict[str, Value]:
+        """Return the values of a section that were given [SI], by field."""
+        record = getattr(self, section)
+        return {
+            item.name: getattr(record, item.name)
+            for key, item in OPTIONS[section].items()
+            if key in self.given
+        }
+
+    @property
+    def external(self) -> bool:
+        """Whether a machine with a driver of its own winds."""
+        return self.machine.machine == declared.EXTERNAL
+
+    @property
+    def controlled(self) -> bool:
+        """Whether a lay is wanted."""
+        return bool(self.asked("lay"))
+
+    @property
+    def simulated_lay(self) -> str:
+        """Where the simulated cable lies."""
+        published = self.condition.resolved().case.is_published
+        return self.machine.lay or (
+            "driven" if self.controlled else "paper" if published else "fem"
+        )
+
+    def text(self) -> str:
+        """Return a cell file that describes this run."""
+        return cell_text(
+            {
+                section: {key: self.given[key] for key in keys if key in self.given}
+                for section, keys in OPTIONS.items()
+            }
+        )
+
+    def _contradictions(self) -> Iterator[tuple[str, str]]:
+        """Yield options that contradict others, and why."""
+        name, camera, lay = self.source.name, self.camera.camera, self.machine.lay
+        for key in self._given(_OF_SIMULATED if self.external else _OF_EXTERNAL):
+            who = "the simulated machine" if self.external else "an external machine"
+            yield key, f"{name(key)} is for {who}: see {name('machine')}"
+        for one, other in _ALTERNATIVES:
+            if one in self.given and other in self.given:
+                yield one, f"give {name(one)} or {name(other)}, not both"
+        if self.camera.frame_rate not in (200, 1000):
+            sentence = f"must be 200 or 1000, got {self.camera.frame_rate}"
+            yield "frame_rate", f"{name('frame_rate')} {sentence}"
+        if not camera and not self.external:
+            yield "camera", f"the simulated machine has a camera: see {name('machine')}"
+        pixels, needing = self._given(_OF_PIXELS), self._given(_OF_CAMERA)
+        if pixels and not self.external and self.camera.compose in ("", "camera"):
+            who = "for the pictures of a real camera, not the simulated one's"
+            yield pixels[0], f"{self._listed(pixels, 'are', 'is')} {who}"
+        if needing and not camera:
+            yield needing[0], f"{self._listed(needing, 'need', 'needs')} a camera"
+        if self.camera.compose:
+            for sentence in self._uncomposed():
+                yield "compose", sentence
+        if lay not in ("", "driven") and self.controlled and self.lay.control == "drive":
+            reason = f"{name('control')} drive moves the cable"
+            yield "lay", f"{reason}, and {name('lay')} {lay} does not: use driven"
+        if lay == "paper" and not self.condition.resolved().case.is_published:
+            reason = "paper is what the paper measured of cases 1 to 12; use fem"
+            yield "lay", f"{name('lay')} {reason}"
+        if "lay_tolerance_mm" in self.given and not self.controlled:
+            wishes = f"give {name('control')}, {name('program')} or {name('pitch_mm')}, too"
+            yield "lay_tolerance_mm", f"{name('lay_tolerance_mm')} judges a wanted lay: {wishes}"
+        if "dashboard_port" in self.given and not self.page.dashboard:
+            who = f"a run with {name('dashboard')}"
+            yield "dashboard_port", f"{name('dashboard_port')} is for {who}"
+
+    def _uncomposed(self) -> Iterator[str]:
+        """Yield why a camera cannot run in the tracker's process."""
+        name, compose = self.source.name, self.source.name("compose")
+        if self.graph.attach:
+            yield f"with {name('attach')} the tracker runs elsewhere: compose its camera there"
+        if self.graph.secure:
+            reason = "no policy lets the tracker show frames"
+            yield f"{compose} and {name('secure')} exclude each other: {reason}"
+        if not self.external and self.camera.compose != "camera":
+            yield f"the simulated machine has a camera of its own: {compose} takes camera"
+        if self.external and self.camera.compose == "camera":
+            yours = "name what opens yours, MODULE:FUNCTION or FILE.py:FUNCTION"
+            yield f"{compose} camera is for the simulated machine; {yours}"
+        if self.simulated_lay == "driven" and not self.external:
+            reason = "is shown by the rig's own camera alone"
+            yield f"{name('lay')} driven {reason}: leave out {compose}"
+
+    def _given(self, keys: Iterable[str]) -> list[str]:
+        return [key for key in keys if key in self.given]
+
+    def _listed(self, keys: list[str], many: str, one: str) -> str:
+        *words, last = map(self.source.name, keys)
+        return f"{', '.join(words)} and {last} {many}" if words else f"{last} {one}"
+
+
+def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
+    """Return a section's record; refuse a combination where it stands."""
+    record = SECTIONS[name]
+    values = {key: given[key] for key in OPTIONS[name] if key in given}
+    # An operator may prepare another one.
+    case = Condition.case if given.get("dashboard") is True else None
+
+    def made(keys: Mapping[str, object]) -> Any:
+        if record is Condition:
+            return Condition.from_typed(keys, spelling=source.name, case=case)
+        built: Any = build(record, typed_values(record, keys, source.name), owner="a run")
+        if isinstance(built, MarkerLook):
+            _ = built.hues
+        return built
+
+    try:
+        return made(values)
+    except ValueError as error:
+        beside = {"case": values.get("case", Condition.case)} if record is Condition else {}
+        for key, value in values.items():
+            # One that is refused alone is to blame, else the section as a whole.
+            try:
+                made({**beside, key: value})
+            except ValueError:
+                source.refuse(key, error)
+        if values and source.typed >= values.keys():
+            raise ParameterError(str(error)) from error
+        source.refuse(f"{name}:", error)
