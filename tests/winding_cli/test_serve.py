@@ -1,6 +1,5 @@
 """`winding serve`: goal, feedback, cancel and result over DDS, with a run in its own process."""
 
-import inspect
 import json
 import math
 import subprocess
@@ -19,8 +18,8 @@ from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
 from winding_cli.cell.goals import GoalError, Goals, GoalState, typed
-from winding_cli.commands.run import run
 from winding_cli.commands.serve import check_goal
+from winding_core.run_spec import SECTION_OF
 from winding_ros import services, topics
 
 NAMESPACE = "served"
@@ -43,8 +42,9 @@ def test_options_become_words_of_the_command_line() -> None:
         ({"case": 4, "control": "ram"}, "control must be one of off, watch, drive, got 'ram'"),
         ({"case": 4, "young_mpa": None}, "young_mpa has no value"),
         ({"case": 4, "speed": "fast"}, "speed must be a float, got 'fast'"),
-        ({"case": 4, "camera": 1}, "camera must be a bool, got '1'"),
-        ({"case": 4, "machine": "external\0"}, "machine must be printable text, got"),
+        ({"case": 4, "camera": 1}, "camera must be a bool, got 1"),
+        ({"case": 4, "machine": "external\0"}, "machine must be one of simulated, external, got"),
+        ({"machine": "external", "cylinder_joint": "a\0b"}, "cylinder_joint .*printable"),
         (
             {"case": 2, "weights": "/srv/mine"},
             "weights must be one of rod, .*, got '/srv/mine': a goal",
@@ -59,7 +59,7 @@ def test_a_goal_that_no_run_takes_is_refused(goal: dict[str, object], sentence: 
 
 def test_a_goal_sets_nothing_that_names_a_file_code_or_a_place() -> None:
     places, taken = set(), set()
-    for name in inspect.signature(run).parameters:
+    for name in SECTION_OF:
         try:
             check_goal({"case": 5, name: "/srv/there"})
             taken.add(name)
@@ -70,15 +70,13 @@ def test_a_goal_sets_nothing_that_names_a_file_code_or_a_place() -> None:
         *("program", "truth", "bag", "compression", "split_mb", "output", "report", "json"),
         *("trace", "compose", "parameters", "domain", "namespace", "dashboard", "dashboard_port"),
     }
-    # Words that the run compares with its own, and names of joints.
-    assert taken == {
-        *("lay", "machine", "start", "marker_colours", "cylinder_joint", "carriage_joint"),
-    }
+    assert not taken & places
+    assert taken <= {"lay", "marker_colours", "cylinder_joint", "carriage_joint"}
 
 
 def test_a_goal_sets_how_it_is_wound() -> None:
-    check_goal({"case": 7, "duration_s": 3, "speed": 0, "weights": "paper", "machine": "external"})
-    check_goal({"case": 2, "camera": False, "turns": 2.5, "camera_position_mm": "1,2,3"})
+    check_goal({"case": 7, "duration_s": 3, "speed": 0, "weights": "paper", "lay": "fem"})
+    check_goal({"case": 2, "machine": "external", "turns": 2.5, "camera_position_mm": "1,2,3"})
 
 
 def goals(script: str, folder: Path) -> Goals:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 import sys
 import time
 from collections.abc import Mapping
@@ -14,47 +13,13 @@ import typer
 
 from correction_node.models.weights import SHIPPED
 from winding_cli.cell.goals import GoalError, Goals
-from winding_cli.commands.run import run
 from winding_cli.terminal.output_path import check_output_folder
 from winding_cli.terminal.record_options import Domain, Namespace
 from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
-from winding_core.cable.condition import Condition
-from winding_core.error_verdict import ErrorLimit
-from winding_core.lay.errors import LayTolerance
-from winding_core.machine.axes import MachineAxes
-from winding_core.markers import MarkerParameters
-from winding_core.parameters import ParameterError, options, refuse_unknown, typed_values
-from winding_core.run_options import (
-    CameraClockParameters,
-    CameraPixels,
-    CameraPlacement,
-    LayParameters,
-    LayWish,
-)
+from winding_core.parameters import ParameterError
+from winding_core.run_spec import GOAL_OPTIONS, SECTION_OF, RunSpec
 
-# What is wound, on which machine, how it is seen and judged. None of it names a file but `program`.
-_RECORDS = (
-    Condition,
-    MachineAxes,
-    CameraClockParameters,
-    MarkerParameters,
-    CameraPlacement,
-    CameraPixels,
-    LayParameters,
-    LayWish,
-    LayTolerance,
-    ErrorLimit,
-)
-_FILES = ("program",)
-# Options of the run beside its records that say how it is wound. All others are the server's: they
-# name files or code, or where the graph runs.
-_HOW = {
-    **dict.fromkeys(("lay", "weights", "machine", "start"), str),
-    **dict.fromkeys(("camera", "attach", "secure"), bool),
-    **dict.fromkeys(("frame_rate", "seed"), int),
-    **dict.fromkeys(("speed", "camera_noise", "turns", "wound_length_mm", "standing_s"), float),
-}
 # Discovery of a server that runs already [s].
 _LOOK = 1.5
 
@@ -110,30 +75,18 @@ def check_goal(wanted: Mapping[str, object]) -> None:
     Raises:
         GoalError: The first option that is refused, in one sentence.
     """
-    known = {name: record for record in _RECORDS for name in options(record)}
-    for name in wanted:
-        if name in _FILES or (
-            name in inspect.signature(run).parameters and name not in (*known, *_HOW)
-        ):
-            raise GoalError(f"a goal cannot set {name}: files, code and places are the server's")
-    try:
-        refuse_unknown(wanted, [*known, *_HOW], owner="a goal")
-        for record in _RECORDS:
-            typed_values(record, {n: v for n, v in wanted.items() if known.get(n) is record})
-        Condition.from_typed({n: v for n, v in wanted.items() if known.get(n) is Condition})
-    except ParameterError as error:
-        raise GoalError(str(error)) from error
     for name, value in wanted.items():
         if value is None:
             raise GoalError(f"{name} has no value")
-        kind = _HOW.get(name, type(value))
-        # A whole number is taken where a float is declared, and True is no number.
-        if type(value) is not kind and not (kind is float and type(value) is int):
-            raise GoalError(f"{name} must be a {kind.__name__}, got {str(value)[:80]!r}")
-        if isinstance(value, str) and not value.isprintable():
-            raise GoalError(f"{name} must be printable text, got {value[:80]!r}")
-    if wanted.get("weights", "rod") not in SHIPPED:
+        if name in SECTION_OF and name not in (*GOAL_OPTIONS, "weights"):
+            raise GoalError(f"a goal cannot set {name}: files, code and places are the server's")
+    weights = wanted.get("weights", "rod")
+    if weights not in SHIPPED:
         raise GoalError(
-            f"weights must be one of {', '.join(SHIPPED)}, got {str(wanted['weights'])[:80]!r}: "
+            f"weights must be one of {', '.join(SHIPPED)}, got {str(weights)[:80]!r}: "
             "a goal cannot name a folder"
         )
+    try:
+        RunSpec.from_goal({name: value for name, value in wanted.items() if name != "weights"})
+    except ParameterError as error:
+        raise GoalError(str(error)) from error
