@@ -31,6 +31,9 @@ COMPONENT = "run"
 STATUS = f"orchestrator: {COMPONENT}"
 # Component whose status is an error for as long as a machine may move that was asked to stop.
 MACHINE_COMPONENT = "machine"
+MACHINE_STATUS = f"orchestrator: {MACHINE_COMPONENT}"
+# Component whose values are the outcome of the run that is over; none while there is no such run.
+OUTCOME_COMPONENT = "outcome"
 
 
 class RunPhase(Enum):

@@ -16,6 +16,7 @@ from winding_cli.terminal.refusal import FAILED, complain, refuse
 from winding_core.cable.condition import Condition
 from winding_core.parameters import Value, build, declarations
 from winding_core.run_options import OperatorLimits
+from winding_core.run_outcome import RunOutcome
 from winding_core.units import MILLIMETRE, MILLISECOND
 
 if TYPE_CHECKING:
@@ -90,20 +91,18 @@ class RunDelivery:
         """Take the folder that was made for the command."""
         self._directory = directory
 
-    def deliver(self, result: RunResult) -> None:
-        """Write and print what a run leaves.
+    def deliver(self, result: RunResult) -> RunOutcome | None:
+        """Write and print what a run leaves; return how it came out, None where none was wound.
 
         A disk that takes no more ends no session: the operator winds on, and the command fails at
         its end.
         """
         if not self._operated:
-            self._deliver(self._condition, result)
-            return
+            return self._deliver(self._condition, result)
         # The condition of a machine with a driver of its own is the command line's in every run.
         simulated = self._config.machine is None
         condition = operated_condition(self._condition, result) if simulated else self._condition
-        if condition is not None:
-            self._deliver(condition, result)
+        return None if condition is None else self._deliver(condition, result)
 
     @property
     def flawed(self) -> bool:
@@ -117,7 +116,7 @@ class RunDelivery:
         if self._flaws:
             refuse(self._flaws[-1], FAILED)
 
-    def _deliver(self, condition: Condition, result: RunResult) -> None:
+    def _deliver(self, condition: Condition, result: RunResult) -> RunOutcome:
         from winding_cli.run.outcome import asked_extent
         from winding_cli.run.record import run_record
 
@@ -158,6 +157,7 @@ class RunDelivery:
         found = flaw(record, result, held=into.lay_held, errors_held=into.errors_held)
         if found:
             self._flaws.append(found)
+        return record.outcome
 
     def _rescue(self, record: RunRecord, error: OSError) -> None:
         """Write the numbers where there is room for them: the run's own place takes no more."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from winding_core.cable.wound_label import WoundLabel
 from winding_core.lay.errors import LayVerdict, judge, turn_errors
 from winding_core.run_options import OperatorLimits
-from winding_core.status import STATUS, RunPhase
+from winding_core.status import MACHINE_STATUS, STATUS, RunPhase
 from winding_dashboard.page.numbers import DASH, seconds
 from winding_dashboard.state.view_state import ViewState
 
@@ -43,6 +43,8 @@ def state_cell(state: ViewState, now: float, preparing: str = "") -> Cell:
         recorded = ", ".join(filter(None, (state.phase, _speed(state))))
         silent = "" if state.heard(now) else f"{state.player} is silent; "
         return Cell(word="PLAYBACK", remark=f"{silent}recorded: {recorded}", style="playback")
+    if danger := state.health.message(MACHINE_STATUS):
+        return Cell(word="NOT STOPPED", remark=danger, style="alarm")
     if state.run_phase is RunPhase.FAILED:
         remark = state.health.message(STATUS) or "the session cannot go on"
         return Cell(word="FAILED", remark=remark, style="alarm")

@@ -9,8 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
+from winding_core.status import OUTCOME_COMPONENT
+
 # Component of the orchestrator that reports the run that is over, and its key in `run.json`.
-STATUS = "orchestrator: outcome"
+STATUS = f"orchestrator: {OUTCOME_COMPONENT}"
 _KEY = "outcome"
 # Only what was asked for, done and judged is green; what is not listed has no colour.
 _STYLES = {"good": "good", "not good": "not-good", "failed": "not-good"}

@@ -13,7 +13,7 @@ from typing import Any
 from rclpy.serialization import deserialize_message
 
 from winding_core.run_options import OperatorLimits
-from winding_core.run_outcome import Cause, EndedBy, Ending, Motion
+from winding_core.run_outcome import Cause, EndedBy, Ending, Motion, RunOutcome
 from winding_core.status import Status
 from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer
@@ -23,6 +23,7 @@ from winding_ros.messages.rig import decode_joint_state
 from winding_ros.messages.serialised import MessageError
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.machine_run import Completion
+from winding_supervisor.session.outcome_status import tell_outcome
 from winding_supervisor.watch.event_log import EventLog
 
 _POLL = 0.05
@@ -117,7 +118,7 @@ class OperatorRun:
         recorder: Recorder,
         ended: asyncio.Event,
         log: EventLog,
-        deliver: Callable[[OperatedRun], None],
+        deliver: Callable[[OperatedRun], RunOutcome | None],
         limits: Callable[[], OperatorLimits | None],
         started_with: Mapping[str, object],
     ) -> None:
@@ -215,6 +216,7 @@ class OperatorRun:
                 if self._log.held is None:
                     self._log.begin_run()
                 self._begun, self._over = time.monotonic(), None
+                tell_outcome(self._client, self._recorder.buffer.time, None)
             self._open, self._ending = True, None
             self._log.resume()
         elif phase == _FINISHED:
@@ -249,7 +251,9 @@ class OperatorRun:
                     await task
             self._undelivered.remove(run)
             over = replace(run, wound=run.wound or dict(self._wound), limits=self._limits())
-            await asyncio.to_thread(self._deliver, over)
+            outcome = await asyncio.to_thread(self._deliver, over)
+            if not self._open:
+                tell_outcome(self._client, self._recorder.buffer.time, outcome)
 
         self._delivering = asyncio.create_task(deliver())
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from winding_core.run_options import OperatorLimits
-from winding_core.run_outcome import Cause, EndedBy, Motion
+from winding_core.run_outcome import Cause, EndedBy, Motion, RunOutcome
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
@@ -30,6 +30,7 @@ from winding_supervisor.session.operator_run import (
     OperatorRun,
     parameter_notes,
 )
+from winding_supervisor.session.outcome_status import tell_outcome
 from winding_supervisor.session.rest import Rest
 from winding_supervisor.session.run_config import RunConfig, check_run, claim_folder
 from winding_supervisor.session.run_parts import (
@@ -45,7 +46,7 @@ from winding_supervisor.watch.event_log import EventLog
 from winding_supervisor.watch.supervisor import RunEndedError, Supervisor, replay_parameters
 
 Report = Callable[[str], None]
-Deliver = Callable[[RunResult], None]
+Deliver = Callable[[RunResult], RunOutcome | None]
 
 # A machine that does not stop is asked for so long where no operator is present [s].
 _UNATTENDED = 10.0
@@ -292,7 +293,8 @@ class Run:
             await rest.bring()
             await orchestrator.stop()
             for result in self.remains():
-                await asyncio.to_thread(deliver, result)
+                outcome = await asyncio.to_thread(deliver, result)
+                tell_outcome(client, machine.t, outcome)
             self._delivered = True
             await outlive(str(error), page, client, ended)
             raise
@@ -317,10 +319,10 @@ class Run:
                 session.rest,
             )
             await external.follow(
-                partial(self._next, session.machine, session.recorder),
+                partial(self._next, session),
                 view,
                 partial(self._take_external, session),
-                partial(self._deliver_external, session.recorder, deliver, report),
+                partial(self._deliver_external, session, deliver, report),
                 session.page.keep(),
             )
             return
@@ -336,8 +338,10 @@ class Run:
         )
         await self._operated.follow((session.supervisor.watch(), session.page.keep()), view)
 
-    def _next(self, machine: ExternalMachine, recorder: Recorder) -> MachineRun:
+    def _next(self, session: _Session) -> MachineRun:
         """Return what follows the next run of a machine that an operator conducts."""
+        machine, recorder = session.machine, session.recorder
+        tell_outcome(session.client, machine.t, None)
         parameters = self.config.parameters(machine.parameters())
         recorder.bags.note(parameter_notes(parameters))
         self._delivered = False
@@ -374,11 +378,12 @@ class Run:
         return replace(self._result(recorder), buffer=recorder.buffer.before())
 
     async def _deliver_external(
-        self, recorder: Recorder, deliver: Deliver, report: Report, result: RunResult
+        self, session: _Session, deliver: Deliver, report: Report, result: RunResult
     ) -> None:
-        await asyncio.to_thread(deliver, result)
+        outcome = await asyncio.to_thread(deliver, result)
+        tell_outcome(session.client, session.machine.t, outcome)
         self._delivered = True
-        self._bags = len(recorder.bags.folders)
+        self._bags = len(session.recorder.bags.folders)
         report("the run is over; Reset on the page begins the next, Ctrl-C here ends the session")
 
     def _replay(self, buffer: RunBuffer, name: str) -> dict[str, object]:
