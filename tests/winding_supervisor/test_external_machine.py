@@ -50,7 +50,7 @@ SAME = 5.0e-4
     [
         {
             "[self.angle, self.carriage]": "[37.2 - self.angle, 100.0 - 1e3 * self.carriage]",
-            "            state.velocity = [self.share * OMEGA, self.share * FEED]\n": "",
+            "            state.velocity = [self.share * OMEGA, feed]\n": "",
             '"cylinder_joint", "carriage_joint"': '"spindle", "slide"',
             "PERIOD, OMEGA, FEED = 0.002": "PERIOD, OMEGA, FEED = 0.010",
         }
