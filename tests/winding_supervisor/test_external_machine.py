@@ -128,10 +128,11 @@ def test_a_stop_that_cannot_be_delivered_ends_the_run(
         assert run.wait(240.0) == 1
     finally:
         run.kill()
-    assert failure in errors.read_text(encoding="utf-8")
+    assert "cable_fem ended with exit code -9" in errors.read_text(encoding="utf-8")
     outcome = numbers(tmp_path / "run")["outcome"]
     assert "cable_fem ended with exit code -9" in outcome["cause"]["text"]
     assert outcome["machine"] == "turning"
+    assert failure in outcome["sentences"][0]
 
 
 def wait_until(reached: Callable[[], Any], patience: float = 240.0) -> Any:
