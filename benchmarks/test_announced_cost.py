@@ -7,7 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "cable_fem_node"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "tests" / "cable_fem_node"))
 from random_conditions import effort, planned
 
 from cable_fem_node.dynamics.state import SolverError

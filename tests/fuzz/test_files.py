@@ -329,6 +329,7 @@ def test_any_table(reader: str, rows: list[list[str]], tmp_path: Path) -> None:
 @given(
     rows=st.lists(st.lists(cells, max_size=3), max_size=4), head=st.sampled_from(["file,t", "x"])
 )
+@example(rows=[['"'], ['"', "0.0"]], head="file,t")
 def test_any_list_of_frames(rows: list[list[str]], head: str, tmp_path: Path) -> None:
     (tmp_path / "frames.csv").write_text("\n".join([head, *map(",".join, rows)]), "utf-8")
     refusal_of(lambda: list(FrameSource(tmp_path)), RecordingError)

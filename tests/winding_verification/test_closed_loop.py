@@ -28,7 +28,7 @@ from winding_verification.closed_loop.study import (
 
 DATA = Path(__file__).parent / "data"
 # Of the twelve, those that are on file.
-CASES = {"closed_loop.json": {1, 2, 3, 4, 5}, "closed_loop_brake.json": {4}}
+CASES = {"closed_loop.json": set(range(1, 13)), "closed_loop_brake.json": {4}}
 SAMPLE = 4
 TRUTHS = ["driven", "rod"]
 
