@@ -19,6 +19,7 @@ from winding_ros.topic import Topic
 from winding_supervisor.machines.watch_clock import WatchClock
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
+from winding_supervisor.session.machine_run import Completion
 from winding_supervisor.session.run_config import RunConfig
 from winding_supervisor.session.run_parts import describe_machine
 from winding_supervisor.watch.event_log import EventLog, read_events
@@ -69,6 +70,27 @@ def test_clock_that_jumps_ahead_is_named() -> None:
     topic, text = found[1]
     assert topic == "/clock"
     assert text.startswith("is at ")
+
+
+@pytest.mark.parametrize("late", [topics.IMAGE, topics.PREVIEW, topics.TENSION, topics.FEM_CABLE])
+def test_run_is_not_over_before_its_last_messages_have_arrived(late: Topic) -> None:
+    end, wall = 2.0, 50.0
+    ending, buffer = Completion(end), RunBuffer(topics.TOPICS)
+    sent = [topic for topic in topics.TOPICS if topic.rate and topic is not topics.JOINT_COMMANDS]
+    for topic in sent:
+        before = end if topic is not late else end - 1.0 / (topic.rate or 1.0)
+        buffer.add(topic, message(before))
+    assert not ending.reached(buffer, wall)
+    # Others go on: a machine that is not simulated publishes while it stands.
+    buffer.add(topics.JOINT_STATES, message(end + 0.9))
+    assert not ending.reached(buffer, wall + 0.9)
+    assert ending.reached(buffer, wall + 1.0)
+    buffer.add(late, message(end))
+    assert Completion(end).reached(buffer, wall)
+
+
+def message(stamp: float) -> BufferedMessage:
+    return BufferedMessage(round(1e9 * stamp), 0, 0, b"")
 
 
 def test_answer_that_makes_no_progress_is_named() -> None:

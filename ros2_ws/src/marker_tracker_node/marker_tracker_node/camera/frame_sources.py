@@ -202,12 +202,12 @@ class FrameSource:
 def _listed(index: Path) -> list[tuple[Path, float]]:
     try:
         with index.open(encoding="utf-8", newline="") as file:
-            listed = [(str(row["file"]), float(row["t"])) for row in csv.DictReader(file)]
+            listed = [(Path(row["file"]), float(row["t"])) for row in csv.DictReader(file)]
     except (KeyError, ValueError, TypeError, csv.Error) as error:
         raise RecordingError(f"{index} must have the columns file and t: {error!r}") from error
     for name, _ in listed:
-        if not name.isprintable():
-            raise RecordingError(f"{index} names {name!r}, which is no name of a picture")
+        if not str(name).isprintable():
+            raise RecordingError(f"{index} names {str(name)!r}, which is no name of a picture")
     return [(index.parent / name, t) for name, t in listed]
 
 

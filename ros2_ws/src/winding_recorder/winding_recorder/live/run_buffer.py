@@ -77,7 +77,7 @@ class StampRuns:
 
 
 class RunBuffer:
-    """Messages of a run in memory, by topic name; pictures are left to the bag.
+    """Messages of a run in memory, by topic name; of pictures only the newest stamp.
 
     All of them for 40 s of simulated time. Of a longer run the last 10 s are whole and what was
     before them is thinned, so that memory does not grow with the run; the stamps stay complete.
@@ -95,6 +95,7 @@ class RunBuffer:
         self.axes = MachineAxes()
         self.begun_ns = 0
         self._lock = threading.Lock()
+        self._pictured_ns: dict[str, int] = {}
         self._kept = kept = [topic for topic in recorded if topic not in PICTURES]
         self.messages: dict[str, History[BufferedMessage]] = {
             topic.name: History(newest=_room(topic, _WHOLE_S), older=_room(topic, _SAMPLE_S))
@@ -105,10 +106,11 @@ class RunBuffer:
         }
 
     def add(self, topic: Topic, message: BufferedMessage) -> None:
-        """Take a message; those of pictures are left out."""
-        if topic in PICTURES:
-            return
+        """Take a message; a picture itself is left to the bag."""
         name = topic.name
+        if topic in PICTURES:
+            self._pictured_ns[name] = message.stamp_ns
+            return
         with self._lock:
             self.messages[name].append(message)
             if name in self._stamps:
@@ -124,6 +126,7 @@ class RunBuffer:
         with self._lock:
             self.origin = origin
             self.begun_ns = cut_ns
+            self._pictured_ns.clear()
             for topic in self._kept:
                 old = self.messages[topic.name]
                 later = [message for message in old if message.received_ns >= cut_ns]
@@ -171,7 +174,8 @@ class RunBuffer:
     def last_stamp(self, topic: Topic) -> float:
         """Return the newest stamp of a topic [s], or -1 when there is none yet."""
         message = self.last(topic)
-        return message.stamp_ns * 1e-9 if message else -1.0
+        stamp_ns = message.stamp_ns if message else self._pictured_ns.get(topic.name)
+        return -1.0 if stamp_ns is None else stamp_ns * 1e-9
 
     @property
     def time(self) -> float:
