@@ -31,7 +31,7 @@ from winding_recorder.playback.recorded_buffer import recorded_run
 from winding_ros import topics
 from winding_ros.messages.clouds import encode_cloud
 from winding_ros.messages.rig import encode_joint_state
-from winding_supervisor.session.run_config import RunResult
+from winding_supervisor.session.session import RunResult
 
 DRIVE = DriveProfile()
 ADVANCE = DRIVE.advance_per_radian

@@ -19,7 +19,7 @@ from winding_ros.topic import Topic
 from winding_supervisor.machines.watch_clock import WatchClock
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
-from winding_supervisor.session.machine_run import Completion
+from winding_supervisor.session.completion import Completion
 from winding_supervisor.session.run_config import RunConfig
 from winding_supervisor.session.run_parts import describe_machine
 from winding_supervisor.watch.event_log import EventLog, read_events

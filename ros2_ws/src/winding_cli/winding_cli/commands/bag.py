@@ -344,7 +344,7 @@ def write_recorded_report(
     from winding_recorder.bags.contents import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
     from winding_ros import topics
-    from winding_supervisor.session.run_result import RunResult
+    from winding_supervisor.session.session import RunResult
 
     run = recorded_run(source)
     condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from winding_reports.records.run_record import RunRecord
     from winding_reports.trace import LengthTrace
     from winding_supervisor.session.run_config import RunConfig
-    from winding_supervisor.session.run_result import RunResult
+    from winding_supervisor.session.session import RunResult
 
 _RIG = "winding_rig"
 _ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}

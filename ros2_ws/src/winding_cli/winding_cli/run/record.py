@@ -30,7 +30,7 @@ from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics
 from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
-from winding_supervisor.session.run_result import RunResult
+from winding_supervisor.session.session import RunResult
 
 # A marker in one of these states was not measured in that frame.
 _UNSEEN = int(
