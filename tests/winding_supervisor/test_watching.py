@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
 from winding_core.run_options import CameraPlacement
+from winding_core.run_spec import RunSpec
 from winding_core.status import Level
 from winding_core.urdf import CarriageLimits, machine_urdf
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
@@ -206,15 +208,12 @@ def test_the_successor_of_a_killed_node_is_no_rival_while_it_is_forgotten(ros: A
 
 
 def config(tmp_path: Path) -> RunConfig:
-    return RunConfig(
-        directory=tmp_path,
-        condition={"case": 8},
-        own={
-            topics.TRACKER: {"camera_position": [0.5, 0.0, 0.1]},
-            topics.RIG: {"carriage_travel": [-0.2, 0.7], "carriage_speed_limit": 0.05},
-        },
-        duration=20.0,
-    )
+    file = tmp_path / "own.yaml"
+    limits = {"carriage_travel": [-0.2, 0.7], "carriage_speed_limit": 0.05}
+    content = {"/winding/winding_rig": {"ros__parameters": limits}}
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    asked = {"case": 8, "camera_position_mm": "500,0,100", "parameters": file}
+    return RunConfig(spec=RunSpec.from_cell(None, asked), directory=tmp_path)
 
 
 def test_a_late_subscriber_gets_the_machine_of_the_run(ros: Any, tmp_path: Path) -> None:

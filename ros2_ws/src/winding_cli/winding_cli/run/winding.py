@@ -38,14 +38,11 @@ if TYPE_CHECKING:
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-def wind(
-    config: RunConfig, condition: Condition, delivery: RunDelivery
-) -> Callable[[], NoReturn] | None:
+def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | None:
     """Wind with a live picture on a terminal, and with lines of progress elsewhere.
 
     Args:
         config: Of the run.
-        condition: What is wound, by the command line.
         delivery: Takes what every run leaves.
 
     Returns:
@@ -64,7 +61,7 @@ def wind(
             delivery.begin(run.config.directory)
             import_early("winding_reports.run_report.report")
             try:
-                _watch(run, config, condition, delivery)
+                _watch(run, config.spec.condition, delivery)
             except (GraphError, TimeoutError, OSError) as error:
                 complain(error)
                 ending = fail
@@ -82,16 +79,16 @@ def wind(
     return None if ending is interrupted and delivery.flawed else ending
 
 
-def _watch(run: Run, config: RunConfig, condition: Condition, delivery: RunDelivery) -> None:
+def _watch(run: Run, condition: Condition, delivery: RunDelivery) -> None:
     console = Console(stderr=True)
     if not console.is_terminal:
-        lines = ProgressLines(config.duration, _FIRST_WORDS)
+        lines = ProgressLines(condition.duration, _FIRST_WORDS)
         run.wind(lines, print_sentence, delivery.deliver)
         return
     with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
         def view(buffer: RunBuffer, wall: float) -> None:
-            picture = LiveView(condition.resolved().case, config.duration, buffer)
+            picture = LiveView(condition.resolved().case, condition.duration, buffer)
             live.update(picture.render(wall))
 
         run.wind(view, live.console.print, delivery.deliver)

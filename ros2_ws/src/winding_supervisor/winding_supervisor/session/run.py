@@ -58,8 +58,8 @@ def opened_run(config: RunConfig) -> Iterator[Run]:
         OSError: The folder cannot be made.
     """
     check_run(config)
-    domain = chosen_domain(config.domain)
-    with domain_lock(domain, config.namespace):
+    domain = chosen_domain(config.spec.domain)
+    with domain_lock(domain, config.spec.graph.namespace):
         claimed = replace(config, directory=claim_folder(config))
         set_process_environment(domain, claimed.log_directory)
         run = Run(claimed)
@@ -136,12 +136,12 @@ class Run:
         deliver: Deliver,
     ) -> None:
         config, log = self.config, self._log
-        client = AsyncClient(config.namespace)
+        client = AsyncClient(config.spec.graph.namespace)
         self.middleware.callback(client.close)
         recorder = self._recorder = new_recorder(config, client)
         # It publishes until everything is stored, so it is closed before the client.
         stack.callback(recorder.close)
-        trace = TraceRecording(client.node) if config.trace else None
+        trace = TraceRecording(client.node) if config.spec.recording.trace else None
         client.start()
         machine = new_machine(config, client, recorder.buffer)
         await machine.stand()
@@ -251,7 +251,7 @@ class Run:
 
     def _replay(self, buffer: RunBuffer, name: str) -> dict[str, object]:
         """Return the parameters with which a restarted node takes up the run."""
-        if not self.config.attach:
+        if not self.config.spec.graph.attach:
             return replay_parameters(buffer, self.config.log_directory / f"{name}_inputs.npy")
         if name == topics.FEM:
             raise GraphError(
