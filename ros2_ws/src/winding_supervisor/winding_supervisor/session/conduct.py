@@ -12,11 +12,9 @@ from typing import Any
 from winding_core.run_outcome import Cause, EndedBy
 from winding_core.status import COMPONENT, Level, RunPhase
 from winding_ros import services
-from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import GraphError
 from winding_supervisor.machines.external_machine import ExternalMachine
-from winding_supervisor.machines.machine import Machine
-from winding_supervisor.processes.orchestrator import Orchestrator
+from winding_supervisor.session.participants import Participants
 
 _REPORT_PERIOD = 1.0
 _TAKEN = "machine and nodes are made ready for the next run"
@@ -28,8 +26,7 @@ class Conduct:
     """One run, which is started here.
 
     Args:
-        machine: What winds.
-        tell: Takes each remark on a machine that the run goes on with.
+        who: Takes part in the session.
 
     Attributes:
         operated: Whether an operator begins runs, as many as they like.
@@ -45,8 +42,8 @@ class Conduct:
     anew: tuple[int, float] | None = None
     reading: asyncio.Task[None] | None = None
 
-    def __init__(self, machine: Machine, tell: Callable[[str], None]) -> None:
-        self._machine, self._tell = machine, tell
+    def __init__(self, who: Participants) -> None:
+        self._who, self._machine = who, who.machine
         self.wound: Mapping[str, object] = {}
 
     @property
@@ -84,7 +81,7 @@ class Conduct:
 
     def remark(self, sentence: str) -> None:
         """Report a remark on a machine that the run goes on with."""
-        self._tell(sentence)
+        self._who.report(sentence)
 
     def enter(self, phase: RunPhase, reason: str = "") -> None:
         """Report a phase of the run, for a reason that the operator should know."""
@@ -100,10 +97,8 @@ class NextRun(Conduct):
     """Runs of an external machine: each begins where the machine stands when it is asked for.
 
     Args:
+        who: Takes part in the session.
         machine: May be moved by hand between two runs.
-        tell: As above.
-        client: The orchestrator's node.
-        orchestrator: Makes the nodes ready for the next run.
         parameters: Returns the parameters of every node, by node.
     """
 
@@ -111,19 +106,16 @@ class NextRun(Conduct):
 
     def __init__(
         self,
+        who: Participants,
         machine: ExternalMachine,
-        tell: Callable[[str], None],
-        client: AsyncClient,
-        orchestrator: Orchestrator,
         parameters: Callable[[], Parameters],
     ) -> None:
-        super().__init__(machine, tell)
-        self._external = machine
-        self._client, self._orchestrator, self._parameters = client, orchestrator, parameters
+        super().__init__(who)
+        self._external, self._parameters = machine, parameters
         self._phase, self._reason = RunPhase.READY, ""
         self._loop = asyncio.get_running_loop()
         self._asked = asyncio.Event()
-        services.NEXT_RUN.serve(client.node, self._answer)
+        services.NEXT_RUN.serve(who.client.node, self._answer)
 
     def look(self) -> bool:
         """Return whether another run is wanted."""
@@ -148,7 +140,7 @@ class NextRun(Conduct):
             try:
                 await self._external.reset()
                 await self._machine.stand()
-                await self._orchestrator.bring_up_anew(self._parameters())
+                await self._who.orchestrator.bring_up_anew(self._parameters())
                 await self._machine.ready()
             except (GraphError, TimeoutError) as error:
                 self.enter(RunPhase.OVER, f"no next run: {error}")
@@ -170,7 +162,7 @@ class NextRun(Conduct):
         level = Level.WARN if self._reason else Level.OK
         message = self._reason or f"the run is {self._phase.value}"
         values = {"phase": self._phase.value}
-        self._client.tell(self._machine.t, level, COMPONENT, message, values)
+        self._who.client.tell(self._machine.t, level, COMPONENT, message, values)
 
     def _answer(self, _request: Any, response: Any) -> Any:
         """Answer in the thread that spins the node."""

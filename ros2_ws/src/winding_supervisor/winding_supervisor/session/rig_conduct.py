@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import asyncio
-import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from rclpy.serialization import deserialize_message
 
 from winding_core.run_outcome import Cause, EndedBy
 from winding_core.status import Status
-from winding_recorder.bags.description import PARAMETERS
-from winding_recorder.live.recorder import BufferedMessage, Recorder, RunBuffer
+from winding_recorder.live.recorder import BufferedMessage, RunBuffer
 from winding_ros import topics
-from winding_ros.client.async_client import AsyncClient
 from winding_ros.messages.rig import decode_joint_state
 from winding_ros.messages.serialised import MessageError
-from winding_supervisor.machines.machine import Machine
-from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.conduct import Conduct
-from winding_supervisor.watch.event_log import EventLog
+from winding_supervisor.session.participants import Participants
+from winding_supervisor.session.run_config import parameter_notes
 
 _POLL = 0.02
 _FINISHED, _WINDING, _EMERGENCY = "finished", "winding", "emergency stop"
@@ -78,30 +74,16 @@ class RigConduct(Conduct):
     next one begins.
 
     Args:
-        machine: The rig node of this graph.
-        tell: As of every conduct.
-        client: Has its newest diagnostics.
-        orchestrator: Learns what the nodes are set to, for those that it restarts.
-        recorder: Its buffer and its notes.
-        log: Takes why the machine stands in mid-run.
+        who: Takes part: the orchestrator learns what the nodes are set to, for those that it
+            restarts, the log takes why the machine stands in mid-run.
         started_with: Parameters that the machine was started with.
     """
 
     operated = throughout = True
 
-    def __init__(
-        self,
-        machine: Machine,
-        tell: Callable[[str], None],
-        client: AsyncClient,
-        orchestrator: Orchestrator,
-        recorder: Recorder,
-        log: EventLog,
-        started_with: Mapping[str, object],
-    ) -> None:
-        super().__init__(machine, tell)
-        self._client, self._orchestrator, self._recorder = client, orchestrator, recorder
-        self._log = log
+    def __init__(self, who: Participants, started_with: Mapping[str, object]) -> None:
+        super().__init__(who)
+        self._log, self._recorder = who.log, who.recorder
         self._start = RunStart()
         self._phase: str | None = None
         self._under_way = False
@@ -136,7 +118,7 @@ class RigConduct(Conduct):
         if self._start.look(self._recorder.buffer):
             self.anew = RunStart.cut(self._recorder.buffer)
             return True
-        status = self._client.status(topics.RIG) or Status(name=topics.RIG)
+        status = self._who.client.status(topics.RIG) or Status(name=topics.RIG)
         phase = status.values.get("phase")
         if phase == _EMERGENCY and "stood_at" in status.values and self._end is None:
             self._end = float(status.values["stood_at"])
@@ -177,15 +159,10 @@ class RigConduct(Conduct):
         async def read() -> None:
             if before is not None:
                 await before
-            stated = await self._orchestrator.adopt_parameters()
+            stated = await self._who.orchestrator.adopt_parameters()
             self._recorder.bags.note(parameter_notes(stated))
             self._set = stated.get(topics.RIG, self._set)
             if wound:
                 self.wound = dict(self._set)
 
         self.reading = asyncio.create_task(read())
-
-
-def parameter_notes(parameters: Mapping[str, Mapping[str, object]]) -> dict[str, str]:
-    """Return the parameters of every node as a bag keeps them, for its replay."""
-    return {f"{PARAMETERS}{name}": json.dumps(dict(own)) for name, own in parameters.items()}

@@ -16,15 +16,20 @@ from winding_ros.client.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
 from winding_ros.graph import GraphError, Policy
 from winding_supervisor.machines.external_machine import ExternalMachine, MachineError
-from winding_supervisor.machines.machine import Machine
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.conduct import Conduct, NextRun
 from winding_supervisor.session.dashboard_process import DashboardProcess, outlive
 from winding_supervisor.session.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.session.interruption import Interruption, ended_if_stuck, run_closing
+from winding_supervisor.session.participants import Participants
 from winding_supervisor.session.rest import Rest
-from winding_supervisor.session.rig_conduct import RigConduct, parameter_notes
-from winding_supervisor.session.run_config import RunConfig, check_run, claim_folder
+from winding_supervisor.session.rig_conduct import RigConduct
+from winding_supervisor.session.run_config import (
+    RunConfig,
+    check_run,
+    claim_folder,
+    parameter_notes,
+)
 from winding_supervisor.session.run_parts import (
     TraceRecording,
     describe_machine,
@@ -33,7 +38,7 @@ from winding_supervisor.session.run_parts import (
     new_recorder,
     page_config,
 )
-from winding_supervisor.session.session import Participants, RunResult, Session, View
+from winding_supervisor.session.session import RunResult, Session, View
 from winding_supervisor.watch.event_log import EventLog
 from winding_supervisor.watch.supervisor import RunEndedError, Supervisor, replay_parameters
 
@@ -192,6 +197,7 @@ class Run:
             client=client,
             recorder=recorder,
             machine=machine,
+            orchestrator=orchestrator,
             supervisor=supervisor,
             log=log,
             rest=rest,
@@ -199,7 +205,7 @@ class Run:
             trace=trace,
             report=report,
         )
-        conduct = self._conduct(machine, report, client, orchestrator, recorder)
+        conduct = self._conduct(who)
         session = self._session = Session(who, conduct, deliver, note_parameters)
         if conduct.operated or not machine.simulated:
             interruption.instead_of_sigint(session.ended.set)
@@ -218,28 +224,14 @@ class Run:
             await outlive(str(error), page, client, session.ended)
             raise
 
-    def _conduct(
-        self,
-        machine: Machine,
-        report: Report,
-        client: AsyncClient,
-        orchestrator: Orchestrator,
-        recorder: Recorder,
-    ) -> Conduct:
+    def _conduct(self, who: Participants) -> Conduct:
         """Return how runs begin: here, or as an operator of either kind of machine wants."""
-        config = self.config
+        config, machine = self.config, who.machine
         if config.page is None:
-            return Conduct(machine, report)
-        if isinstance(machine, ExternalMachine):
-            return NextRun(
-                machine,
-                report,
-                client,
-                orchestrator,
-                lambda: config.own_parameters(machine.parameters()),
-            )
-        started_with = config.parameters()[topics.RIG]
-        return RigConduct(machine, report, client, orchestrator, recorder, self._log, started_with)
+            return Conduct(who)
+        if not isinstance(machine, ExternalMachine):
+            return RigConduct(who, config.parameters()[topics.RIG])
+        return NextRun(who, machine, lambda: config.own_parameters(machine.parameters()))
 
     async def _leave(self, rest: Rest, interruption: Interruption) -> None:
         """Leave the machine at rest; what may still move is stayed at."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 
 from winding_core.parameters import ParameterError, build, declarations, declared_in, refuse_unknown
 from winding_core.run_spec import RunSpec
+from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.live.recorder import RecorderError
 from winding_ros.graph import (
     FEM,
@@ -187,3 +189,8 @@ def claim_folder(config: RunConfig) -> Path:
 
 def _taken(folder: Path) -> RunFolderError:
     return RunFolderError(f"{folder} exists already; a run is never written over another")
+
+
+def parameter_notes(parameters: Mapping[str, Mapping[str, object]]) -> dict[str, str]:
+    """Return the parameters of every node as a bag keeps them, for its replay."""
+    return {f"{PARAMETERS}{name}": json.dumps(dict(own)) for name, own in parameters.items()}

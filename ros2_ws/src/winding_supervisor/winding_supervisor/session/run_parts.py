@@ -29,8 +29,7 @@ from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.simulated_machine import SimulatedMachine
 from winding_supervisor.processes.orchestrator import GraphConfig
 from winding_supervisor.session.dashboard_process import DashboardConfig
-from winding_supervisor.session.rig_conduct import parameter_notes
-from winding_supervisor.session.run_config import RunConfig
+from winding_supervisor.session.run_config import RunConfig, parameter_notes
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 

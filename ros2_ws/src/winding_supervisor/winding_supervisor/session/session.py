@@ -15,19 +15,12 @@ from numpy.typing import NDArray
 from winding_core.run_options import OperatorLimits
 from winding_core.run_outcome import Ending, RunOutcome, Verdict
 from winding_core.status import OUTCOME_COMPONENT, Level, RunPhase
-from winding_recorder.live.recorder import Recorder
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
-from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import GraphError
-from winding_supervisor.machines.machine import Machine
 from winding_supervisor.session.completion import Completion
 from winding_supervisor.session.conduct import Conduct
-from winding_supervisor.session.dashboard_process import DashboardProcess
-from winding_supervisor.session.rest import Rest
-from winding_supervisor.session.run_parts import TraceRecording
-from winding_supervisor.watch.event_log import EventLog
-from winding_supervisor.watch.supervisor import Supervisor
+from winding_supervisor.session.participants import Participants
 
 _POLL = 0.05
 _VIEW_PERIOD = 0.25
@@ -69,21 +62,6 @@ class _Run:
     def wall_s(self) -> float:
         """How long it took, or has taken so far [s]."""
         return (self.over or time.monotonic()) - self.since
-
-
-@dataclass(frozen=True, kw_only=True)
-class Participants:
-    """Who takes part in a session."""
-
-    client: AsyncClient  # The orchestrator's node
-    recorder: Recorder
-    machine: Machine
-    supervisor: Supervisor
-    log: EventLog  # Has what supervision did, and the cause of the present run's end
-    rest: Rest
-    page: DashboardProcess | None  # The operator's
-    trace: TraceRecording | None
-    report: Callable[[str], None]  # Takes sentences for the terminal
 
 
 class Session:
