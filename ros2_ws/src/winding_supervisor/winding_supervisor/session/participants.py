@@ -21,12 +21,12 @@ class Participants:
     """Who takes part in a session."""
 
     client: AsyncClient  # The orchestrator's node
-    recorder: Recorder
-    machine: Machine
-    orchestrator: Orchestrator
-    supervisor: Supervisor
+    recorder: Recorder  # Of every run
+    machine: Machine  # What winds
+    orchestrator: Orchestrator  # Of the nodes
+    supervisor: Supervisor  # Of nodes and machine
     log: EventLog  # Has what supervision did, and the cause of the present run's end
-    rest: Rest
+    rest: Rest  # Ends the machine's motion
     page: DashboardProcess | None  # The operator's
-    trace: TraceRecording | None
+    trace: TraceRecording | None  # Of the corrected lengths
     report: Callable[[str], None]  # Takes sentences for the terminal

@@ -41,7 +41,7 @@ class RunFolderError(ValueError):
 class RunConfig:
     """A run, where it goes, and what its options alone do not say."""
 
-    spec: RunSpec
+    spec: RunSpec  # As it was asked for
     directory: Path  # New folder of logs and of what the run leaves behind
     machine: ExternalMachineConfig | None = None  # The external machine; None for the simulated one
     # Parameters of the operator's page; None for a run that starts by itself
