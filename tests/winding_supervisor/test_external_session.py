@@ -107,16 +107,6 @@ class ConductedSession:
             shown: dict[str, Any] = json.load(answer)
         return shown
 
-    def reset(self) -> bool:
-        """Press Reset on the page, which renews the nodes as well; return whether it was done."""
-        url, seen = f"http://127.0.0.1:{self._port}/command/reset", self.page()
-        looked = json.dumps({name: seen[name] for name in ("server", "sequence")}).encode()
-        asked = urllib.request.Request(
-            url, data=looked, headers={"content-type": "application/json"}, method="POST"
-        )
-        with urllib.request.urlopen(asked, timeout=PATIENCE) as answer:
-            return str(json.load(answer)["answer"]).endswith("done")
-
     def end(self) -> int:
         """Interrupt the command; return its exit code."""
         self.process.send_signal(signal.SIGINT)
@@ -239,32 +229,3 @@ def test_the_page_outlives_a_simulated_machine_that_died(ros: Any, tmp_path: Pat
         assert record["case"] == 4
         assert "winding_rig ended" in record["ended"]
         assert session.end() == 1
-
-
-@pytest.mark.campaign
-def test_each_run_of_the_simulated_machine_is_left_once_with_its_own_end(
-    ros: Any, tmp_path: Path
-) -> None:
-    with conducted(ros, "attended", tmp_path / "runs", "--duration-s", "2.5") as session:
-
-        def wind(seconds: float) -> None:
-            session.until(lambda: session.call("rig/start").success)
-            session.until(lambda: "WINDING" in session.page()["parts"]["band"])
-            session.until(lambda: float(session.page()["texts"]["clock"].split()[0]) > seconds)
-
-        session.until(session.served)
-        wind(2.0)
-        session.until((session.folder / "run.json").exists)
-        session.until(session.reset)
-        wind(0.5)
-        assert session.call("rig/stop").success
-        session.until(session.reset)
-        session.until((session.folder / "run-2" / "run.json").exists)
-        wind(0.3)
-        assert session.end() == 0
-        found = [session.record(number)["outcome"] for number in (1, 2, 3)]
-    assert [outcome["ended_by"] for outcome in found] == ["completed", "operator", "operator"]
-    texts = [outcome["cause"] and outcome["cause"]["text"] for outcome in found]
-    assert texts == [None, "stopped by the operator", "the operator ended the session"]
-    assert [outcome["done"]["time_s"] > 0.2 for outcome in found] == [True, True, True]
-    assert found[0]["done"]["time_s"] == pytest.approx(2.5)
