@@ -10,12 +10,12 @@ import pytest
 from winding_cli.commands.bag import write_recorded_report
 from winding_cli.run.delivery import flaw
 from winding_cli.run.record import run_record
-from winding_cli.run.wanted_lay import Held
 from winding_core.cable.condition import Condition
-from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.readings import AxisReading
+from winding_core.run_options import OperatorLimits
+from winding_core.run_outcome import Ending, Extent
 from winding_recorder.bags.description import (
     COMPLETE,
     PARAMETERS,
@@ -31,13 +31,14 @@ from winding_recorder.playback.recorded_buffer import recorded_run
 from winding_ros import topics
 from winding_ros.messages.clouds import encode_cloud
 from winding_ros.messages.rig import encode_joint_state
-from winding_supervisor.session.run_config import RunResult
+from winding_supervisor.session.session import RunResult
 
 DRIVE = DriveProfile()
 ADVANCE = DRIVE.advance_per_radian
 SECONDS, PERIOD = 18.0, 0.02
 RECORDED = (topics.JOINT_STATES, topics.LAY_CONTROL_STATE, topics.TRACKED_LAY)
-HALF_MILLIMETRE = Held(limit=0.5e-3, asked=True)
+LIMITS = OperatorLimits(lay_tolerance=0.5e-3)
+LAY, LENGTHS = "lay_tolerance_mm", "error_limit_pct"
 
 
 def recording(folder: Path, *, off: float, mode: ControlMode = ControlMode.DRIVE) -> Path:
@@ -94,9 +95,8 @@ def test_recorded_run_has_its_report_and_its_verdict(tmp_path: Path) -> None:
     write_recorded_report(
         recording(tmp_path / "bag", off=0.3e-3),
         tmp_path / "out",
-        HALF_MILLIMETRE,
-        PAPER_LIMIT_PCT,
-        errors_held=False,
+        LIMITS,
+        [LAY],
     )
     numbers = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
     assert numbers["verdict"]["kept"] is True
@@ -108,26 +108,29 @@ def test_recorded_run_has_its_report_and_its_verdict(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "held", "code"),
-    [
-        (ControlMode.DRIVE, HALF_MILLIMETRE, 1),
-        (ControlMode.DRIVE, Held(limit=0.5e-3, asked=False), 0),
-        (ControlMode.WATCH, HALF_MILLIMETRE, 0),
-    ],
+    ("mode", "given", "code"),
+    [(ControlMode.DRIVE, [LAY], 1), (ControlMode.DRIVE, [], 0), (ControlMode.WATCH, [LAY], 0)],
 )
 def test_lay_that_was_driven_is_held_to_a_tolerance_that_was_given(
-    mode: ControlMode, held: Held, code: int, tmp_path: Path
+    mode: ControlMode, given: list[str], code: int, tmp_path: Path
 ) -> None:
     run = recorded_run(recording(tmp_path / "bag", off=0.7e-3, mode=mode))
-    result = RunResult(buffer=run.buffer, wall_s=0.0)
-    record = run_record(Condition(case=4, duration=SECONDS), result, {}, held.limit)
+    result = RunResult(buffer=run.buffer, wall_s=0.0, ending=Ending())
+    record = run_record(
+        Condition(case=4, duration=SECONDS),
+        result,
+        {},
+        LIMITS,
+        asked=Extent(time=SECONDS),
+        parameters=run.parameters,
+    )
     assert record.lay is not None
     assert record.lay.verdict.kept is False
-    assert bool(flaw(record, result, held=held.asked)) is bool(code)
+    assert bool(flaw(record, result, given)) is bool(code)
     # Nothing was corrected, so nothing is known to keep a limit of the errors.
     assert record.verdict.good is None
-    assert flaw(record, result, held=False) == ""
-    assert flaw(record, result, held=False, errors_held=True)
+    assert flaw(record, result, []) == ""
+    assert flaw(record, result, [LENGTHS])
 
 
 def test_recording_without_its_condition_is_refused(tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ import psutil
 import pytest
 from std_srvs.srv import Trigger
 
-from winding_core.status import STATUS, RunPhase
+from winding_core.status import MACHINE_STATUS, STATUS, RunPhase
 from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
 
@@ -53,12 +53,15 @@ class ConductedSession:
         self._ros, self._namespace = ros, namespace
         self._node = ros.plain("controller")
         self.reported: dict[str, str] = {}
+        self.risk = ""
         topics.DIAGNOSTICS.subscribe(self._node, self._note)
 
     def _note(self, message: Any) -> None:
         for status in decode_diagnostics(message)[1]:
             if status.name == STATUS:
                 self.reported = {"message": status.message, **status.values}
+            elif status.name == MACHINE_STATUS:
+                self.risk = status.message
 
     def reach(self, phase: RunPhase, *, message: str = "") -> None:
         """Wait until the orchestrator reports a phase of the run."""
@@ -108,6 +111,10 @@ class ConductedSession:
         """Interrupt the command; return its exit code."""
         self.process.send_signal(signal.SIGINT)
         return self.process.wait(PATIENCE)
+
+    def failed_stops(self) -> int:
+        """Return how often the machine was asked to stop in vain."""
+        return (self.folder / "events.jsonl").read_text(encoding="utf-8").count('"not stopped"')
 
     def record(self, number: int) -> Any:
         """Return the numbers of a run."""
@@ -169,9 +176,16 @@ def test_a_start_as_soon_as_the_page_is_served_begins_the_run(session: Conducted
 def test_a_machine_that_cannot_be_stopped_at_its_end_is_reported(session: ConductedSession) -> None:
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
-    session.reach(RunPhase.OVER, message="the stop could not be delivered: rig/stop has no server")
-    assert session.end() == 0
-    assert session.record(1)["ended"] is None
+    session.reach(RunPhase.OVER)
+    session.until(lambda: session.risk.startswith("THE MACHINE still turns: the stop could not"))
+    session.until((session.folder / "run.json").exists)
+    outcome = session.record(1)["outcome"]
+    assert (outcome["machine"], outcome["verdict"]) == ("turning", "failed")
+    # The session ends, asks the machine to stop again, and leaves it to whoever confirms that.
+    asked = session.failed_stops()
+    session.process.send_signal(signal.SIGINT)
+    session.until(lambda: session.failed_stops() >= asked + 3)
+    assert session.end() == 1
 
 
 @pytest.mark.parametrize("driver", [{RESET: REFUSED_ONCE}], indirect=True)

@@ -24,7 +24,7 @@ from winding_ros.graph import GraphError
 from winding_ros.messages.rig import encode_joint_state
 from winding_supervisor.processes.discovery import outsiders
 from winding_supervisor.session.dashboard_process import DashboardConfig, DashboardProcess
-from winding_supervisor.session.operator_run import RunStart
+from winding_supervisor.session.rig_conduct import RunStart
 from winding_supervisor.watch.event_log import EventLog, read_events
 
 NAMESPACE = "attended"

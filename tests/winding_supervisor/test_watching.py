@@ -1,25 +1,34 @@
 """Supervision: stamps, restarts, vitals, second publishers, how the machine is described."""
 
+import asyncio
+import itertools
 import json
 import os
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
 
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
 from winding_core.run_options import CameraPlacement
+from winding_core.run_spec import RunSpec
 from winding_core.status import Level
 from winding_core.urdf import CarriageLimits, machine_urdf
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
+from winding_ros.graph import GraphError
 from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic
 from winding_ros.topic import Topic
+from winding_supervisor.machines.standing_axes import standing_axes
 from winding_supervisor.machines.watch_clock import WatchClock
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
-from winding_supervisor.session.machine_run import Completion
+from winding_supervisor.session.completion import Completion
 from winding_supervisor.session.run_config import RunConfig
 from winding_supervisor.session.run_parts import describe_machine
 from winding_supervisor.watch.event_log import EventLog, read_events
@@ -206,15 +215,12 @@ def test_the_successor_of_a_killed_node_is_no_rival_while_it_is_forgotten(ros: A
 
 
 def config(tmp_path: Path) -> RunConfig:
-    return RunConfig(
-        directory=tmp_path,
-        condition={"case": 8},
-        own={
-            topics.TRACKER: {"camera_position": [0.5, 0.0, 0.1]},
-            topics.RIG: {"carriage_travel": [-0.2, 0.7], "carriage_speed_limit": 0.05},
-        },
-        duration=20.0,
-    )
+    file = tmp_path / "own.yaml"
+    limits = {"carriage_travel": [-0.2, 0.7], "carriage_speed_limit": 0.05}
+    content = {"/winding/winding_rig": {"ros__parameters": limits}}
+    file.write_text(yaml.safe_dump(content), encoding="utf-8")
+    asked = {"case": 8, "camera_position_mm": "500,0,100", "parameters": file}
+    return RunConfig(spec=RunSpec.from_cell(None, asked), directory=tmp_path)
 
 
 def test_a_late_subscriber_gets_the_machine_of_the_run(ros: Any, tmp_path: Path) -> None:
@@ -232,6 +238,36 @@ def test_a_late_subscriber_gets_the_machine_of_the_run(ros: Any, tmp_path: Path)
         CarriageLimits(low=-0.2, high=0.7, speed=0.05),
     )
     assert reported == []
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        ([["drum", "slide"]], "50 messages/s arrive on rig/joint_states with joints drum, slide;"),
+        ([["drum"], ["slide"]], "joints drum, slide, one in each; configured are cylinder_joint"),
+        (
+            [["cylinder_joint"], ["carriage_joint"]],
+            "one in each; each message needs both cylinder_joint and carriage_joint",
+        ),
+    ],
+)
+def test_joint_states_that_are_not_the_machines_are_named(
+    names: list[list[str]], words: str
+) -> None:
+    buffer = RunBuffer([topics.JOINT_STATES])
+    for k in range(51):
+        heard = names[k % len(names)]
+        state = JointState(name=heard, position=[1.0] * len(heard))
+        arrived = 20_000_000 * k
+        buffer.add(
+            topics.JOINT_STATES,
+            BufferedMessage(arrived, arrived, arrived, serialize_message(state)),
+        )
+    # Every look at the clock is a minute after the one before.
+    looks = itertools.count(0.0, 60.0)
+    node: Any = None
+    with pytest.raises(GraphError, match=re.escape(words)):
+        asyncio.run(standing_axes(node, buffer, MachineAxes(), lambda: next(looks)))
 
 
 def test_a_watch_that_was_held_takes_no_topic_for_silent() -> None:

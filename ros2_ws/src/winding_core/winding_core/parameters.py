@@ -219,6 +219,12 @@ def build(
     return configuration(**converted)
 
 
+def declared_in(configuration: type, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return those of some values that a configuration declares, by name."""
+    names = {item.name for item in declarations(configuration)}
+    return {name: value for name, value in values.items() if name in names}
+
+
 # How a refusal writes the name of an option.
 Spelling = Callable[[str], str]
 

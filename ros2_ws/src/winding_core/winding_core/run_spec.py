@@ -187,6 +187,16 @@ class RunSpec:
             if key in self.given
         }
 
+    def path(self, key: str) -> Path | None:
+        """Return the path that an option names; None where it names none."""
+        text = getattr(getattr(self, SECTION_OF[key]), OPTIONS[SECTION_OF[key]][key].name)
+        return Path(text) if text else None
+
+    @property
+    def domain(self) -> int | None:
+        """DDS domain that was asked for; None for the environment's."""
+        return self.graph.domain if "domain" in self.given else None
+
     @property
     def external(self) -> bool:
         """Whether a machine with a driver of its own winds."""

@@ -36,6 +36,10 @@ MACHINE_STATUS = f"orchestrator: {MACHINE_COMPONENT}"
 OUTCOME_COMPONENT = "outcome"
 
 
+# Value of a node's status, for as long as it cannot make this transition: the message has why.
+REFUSED_TRANSITION = "cannot"
+
+
 class RunPhase(Enum):
     """Of one run after the other; a simulated machine reports all but FAILED by itself."""
 

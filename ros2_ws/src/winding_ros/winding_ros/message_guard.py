@@ -210,7 +210,13 @@ class Rivals:
     """Publishers of one topic, looked at again and again."""
 
     since: float | None = None  # When one name was first seen twice, or None [s].
-    sentence: str = ""  # Who contests the topic; empty when none does.
+    topic: str = ""  # That is contested; empty when it is not.
+    text: str = ""  # By whom, to follow its name.
+
+    @property
+    def sentence(self) -> str:
+        """Who contests the topic; empty when none does."""
+        return f"{self.topic} {self.text}" if self.text else ""
 
     def look(self, topic: str, publishers: Iterable[Endpoint], now: float) -> Rivals:
         """Return the judgement of the publishers (namespace, node) at wall time `now` [s]."""
@@ -221,9 +227,8 @@ class Rivals:
         since = now if self.since is None else self.since
         if len(names) == 1 and now - since <= GHOST_PATIENCE:
             return Rivals(since=since)
-        return Rivals(
-            since=since, sentence=f"{topic} has {len(known)} publishers: {', '.join(names)}"
-        )
+        text = f"has {len(known)} publishers: {', '.join(names)}"
+        return Rivals(since=since, topic=topic, text=text)
 
 
 _MATCHED = "matched "

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import yaml
 
+from winding_cli.terminal.output_path import STANDARD_OUTPUT
 from winding_core.cable.condition import Condition
 from winding_core.cable.wound_label import WoundLabel
 from winding_core.parameters import (
@@ -19,7 +19,7 @@ from winding_core.parameters import (
     shown_values,
     typed_declaration,
 )
-from winding_core.run_spec import OPTIONS, SECTIONS, USUAL, RunSpec
+from winding_core.run_spec import OPTIONS, SECTIONS, USUAL
 from winding_supervisor.session.domain_lock import chosen_domain
 
 if TYPE_CHECKING:
@@ -102,13 +102,9 @@ def _property(key: str, item: Declaration) -> dict[str, Any]:
     return found | {"type": _JSON_TYPES.get(option_kind(item), "string"), **limits}
 
 
-def meaning(spec: RunSpec, config: RunConfig) -> Iterator[tuple[str, str]]:
-    """Yield what a run means: subject and sentence.
-
-    Args:
-        spec: The run.
-        config: What its graph is configured with.
-    """
+def meaning(config: RunConfig) -> Iterator[tuple[str, str]]:
+    """Yield what a run means: subject and sentence."""
+    spec = config.spec
     what, recording = spec.condition.resolved(), spec.recording
     label, speed = WoundLabel.of(what), what.drive.angular_speed
     name = f"case {label.case}" if label.case else "an own condition"
@@ -120,11 +116,11 @@ def meaning(spec: RunSpec, config: RunConfig) -> Iterator[tuple[str, str]]:
     yield "machine", f"{machine}; {'with' if spec.camera.camera else 'without'} a camera"
     yield "lay", f"wanted, control {spec.lay.control}" if spec.controlled else "no lay is wanted"
     yield "nodes", ", ".join(node.name for node in config.graph)
-    yield "graph", f"namespace /{config.namespace}, DDS domain {chosen_domain(config.domain)}"
-    yield "recorded", f"every topic into {config.bag}" if config.bag else "nothing"
-    further = (recording.report, recording.json, recording.trace, spec.machine.truth_file)
-    files = (config.directory, *further)
-    yield "written", ", ".join(str(Path(file).absolute()) for file in files if file)
+    yield "graph", f"namespace /{spec.graph.namespace}, DDS domain {chosen_domain(spec.domain)}"
+    yield "recorded", f"every topic into {recording.bag}" if recording.bag else "nothing"
+    further = filter(None, map(spec.path, ("report", "json", "trace", "truth")))
+    files = (file.absolute() for file in (config.directory, *further) if file != STANDARD_OUTPUT)
+    yield "written", ", ".join(map(str, files))
     for section, declared in OPTIONS.items():
         record = getattr(spec, section)
         stated = {key: spec.given[key] for key in declared if key in spec.given}

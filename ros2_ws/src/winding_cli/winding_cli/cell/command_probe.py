@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -99,27 +98,18 @@ class CommandProbe:
         )
 
     async def _lost(self, running: tuple[float, float], within: float) -> Finding:
-        begun = time.monotonic()
-        promise = f"rig/joint_targets end in motion: both axes stand within {within:g} s"
-        try:
-            await self._probe.until(
-                lambda: stands(self._probe.encoder.values[-1], running),
-                2.0 * within,
-                "standstill",
-            )
-        except TimeoutError as error:
-            _, omega, _, feed = self._probe.encoder.values[-1]
-            await self._probe.ask("rig/stop")
-            return Finding(
-                promise=promise,
-                kept=False,
-                measured=f"{error}; it went on at {omega:.3g} rad/s and "
-                f"{feed / MILLIMETRE:.3g} mm/s",
-            )
-        took = time.monotonic() - begun
+        took, late = await self._probe.takes(
+            lambda value: stands(value, running), 2.0 * within, "standstill"
+        )
+        _, omega, _, feed = self._probe.encoder.values[-1]
+        going = f"{late}; it went on at {omega:.3g} rad/s and {feed / MILLIMETRE:.3g} mm/s"
         # A stop that nobody has asked for may be latched.
-        await self._probe.ask("rig/reset")
-        return Finding(promise=promise, kept=took <= within, measured=f"after {took:.2f} s")
+        await self._probe.ask("rig/stop" if late else "rig/reset")
+        return Finding(
+            promise=f"rig/joint_targets end in motion: both axes stand within {within:g} s",
+            kept=not late and took <= within,
+            measured=going if late else f"after {took:.2f} s",
+        )
 
     async def _command(
         self, seconds: float, wanted: Callable[[float], tuple[float, float]], late: float = 0.0

@@ -201,34 +201,36 @@ class Probe:
     async def begins(self, service: str, running: tuple[float, float]) -> Finding:
         """Ask a service to wind; return whether both axes do."""
         answer = await self.ask(service)
-        begun = time.monotonic()
-        promise = f"{service}: both axes wind within {_RAMP_S:g} s"
-        try:
-            await self.until(
-                lambda: runs(self.encoder.values[-1], running), _RAMP_S, "winding at half speed"
-            )
-        except TimeoutError as error:
-            return Finding(promise=promise, kept=False, measured=str(error))
+        took, late = await self.takes(
+            lambda value: runs(value, running), _RAMP_S, "winding at half speed"
+        )
         return Finding(
-            promise=promise,
-            kept=answer.success,
-            measured=f"after {time.monotonic() - begun:.2f} s",
+            promise=f"{service}: both axes wind within {_RAMP_S:g} s",
+            kept=not late and answer.success,
+            measured=late or f"after {took:.2f} s",
         )
 
     async def _ends(self, service: str, running: tuple[float, float], within: float) -> Finding:
         answer = await self.ask(service)
-        begun = time.monotonic()
-        promise = f"{service}: standstill within {within:g} s"
-        try:
-            await self.until(
-                lambda: stands(self.encoder.values[-1], running), 4.0 * within, "standstill"
-            )
-        except TimeoutError as error:
-            return Finding(promise=promise, kept=False, measured=str(error))
-        took = time.monotonic() - begun
-        return Finding(
-            promise=promise, kept=answer.success and took <= within, measured=f"{took:.2f} s"
+        took, late = await self.takes(
+            lambda value: stands(value, running), 4.0 * within, "standstill"
         )
+        return Finding(
+            promise=f"{service}: standstill within {within:g} s",
+            kept=not late and answer.success and took <= within,
+            measured=late or f"{took:.2f} s",
+        )
+
+    async def takes(
+        self, reached: Callable[[tuple[float, ...]], bool], seconds: float, what: str
+    ) -> tuple[float, str]:
+        """Return how long [s] the axes take to reach a state, and why they did not, or nothing."""
+        begun, late = time.monotonic(), ""
+        try:
+            await self.until(lambda: reached(self.encoder.values[-1]), seconds, what)
+        except TimeoutError as error:
+            late = str(error)
+        return time.monotonic() - begun, late
 
     async def ask(self, service: str) -> Any:
         """Return what a service answers."""

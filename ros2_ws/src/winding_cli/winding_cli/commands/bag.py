@@ -5,9 +5,8 @@ from __future__ import annotations
 import select
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -22,10 +21,10 @@ from winding_cli.terminal.ros_environment import joined, plain_node
 from winding_cli.terminal.termination import end
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay.errors import LayTolerance
+from winding_core.run_options import OperatorLimits
 from winding_core.units import MEGABYTE, MILLISECOND
 
 if TYPE_CHECKING:
-    from winding_cli.run.wanted_lay import Held
     from winding_reports.records.identity import Origin
 
 _KEY_PERIOD = 0.1
@@ -261,17 +260,16 @@ def report(
 
     Exit code 1 if a limit that is given is not known to be kept.
     """
-    from winding_cli.run.wanted_lay import held_against
     from winding_core.parameters import ParameterError, build, typed_values
     from winding_recorder.bags.description import BagError
 
+    given = {**judged, **errors}
     with refused(ValueError):
-        held = held_against(judged)
-        limit = typed_values(ErrorLimit, errors, spelled)
-        kept = build(ErrorLimit, limit, owner="winding bag report")
+        values = typed_values(OperatorLimits, given, spelled)
+        limits = build(OperatorLimits, values, owner="winding bag report")
     check_output_folder(out, "--output", new=True)
     with refused(BagError, ParameterError, code=FAILED):
-        write_recorded_report(source, out, held, kept.error_limit_pct, errors_held=bool(limit))
+        write_recorded_report(source, out, limits, given)
 
 
 @bag.command()
@@ -321,34 +319,34 @@ def _player_node() -> Iterator[object]:
 
 
 def write_recorded_report(
-    source: Path, out: Path, held: Held, error_limit_pct: float, *, errors_held: bool
+    source: Path, out: Path, limits: OperatorLimits, given: Collection[str]
 ) -> None:
     """Write index.html and run.json of a recording into a folder, and print the results.
 
     Args:
         source: The recording.
         out: New folder.
-        held: What a lay that was driven is held against.
-        error_limit_pct: What the errors of the lengths are held against [%].
-        errors_held: Whether the command fails where they do not keep it.
+        limits: Of a lay that was driven, and of the errors of the lengths.
+        given: Options of those that the command fails for where they are not kept.
 
     Raises:
         BagError: The recording cannot be read, or has no condition of what was wound.
     """
-    from winding_cli.run.delivery import flaw, laid_as_published, seed_of, show, write
+    from winding_cli.run.delivery import flaw, show, write
     from winding_cli.run.outcome import asked_extent
     from winding_cli.run.record import run_record
     from winding_core.cable.condition import Condition
+    from winding_core.parameters import declared_in
     from winding_core.run_options import LayWish
     from winding_core.run_outcome import Cause, EndedBy, Ending
     from winding_recorder.bags.contents import configuration_of
     from winding_recorder.playback.recorded_buffer import recorded_run
     from winding_ros import topics
-    from winding_supervisor.session.run_result import RunResult
+    from winding_supervisor.session.session import RunResult
 
     run = recorded_run(source)
     condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
-    wish = _of(LayWish, run.parameters.get(topics.LAY_CONTROL, {}))
+    wish: Any = declared_in(LayWish, run.parameters.get(topics.LAY_CONTROL, {}))
     cause = None
     if run.ended:
         cause = Cause(by=EndedBy.UNKNOWN, source=source.name, text=run.ended)
@@ -363,16 +361,14 @@ def write_recorded_report(
         condition,
         result,
         wish,
-        held.limit,
+        limits,
         asked=asked_extent(condition, None),
-        laid_as_published=laid_as_published(run.parameters),
+        parameters=run.parameters,
         origin=_origin(run.origin),
-        seed=seed_of(run.parameters),
-        error_limit_pct=error_limit_pct,
     )
     show(record)
     write(record, out, out / "run.json", bags=(source,))
-    sentence = flaw(record, result, held=held.asked, errors_held=errors_held)
+    sentence = flaw(record, result, given)
     if sentence:
         refuse(sentence, FAILED)
 
@@ -385,11 +381,6 @@ def _origin(text: str) -> Origin | None:
         return Origin.from_text(text) if text else None
     except ValueError:
         return None
-
-
-def _of(record: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    names = {item.name for item in fields(record)}
-    return {name: value for name, value in values.items() if name in names}
 
 
 @contextmanager

@@ -46,10 +46,9 @@ def init(
 def check(file: Annotated[Path, typer.Argument(help="Cell file.")]) -> None:
     """Refuse what `winding run` would refuse, with its line, or print what the file means."""
     with refused(ValueError):
-        spec = RunSpec.from_cell(file, {})
-        config = configured(spec, {})
+        config = configured(RunSpec.from_cell(file, {}), {})
     table = Table.grid(padding=(0, 2))
-    for subject, sentence in meaning(spec, config):
+    for subject, sentence in meaning(config):
         table.add_row(subject, sentence)
     result_console().print(table, highlight=False)
 

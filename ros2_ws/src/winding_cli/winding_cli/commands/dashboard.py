@@ -12,6 +12,7 @@ from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay.errors import LayTolerance
+from winding_core.run_options import OperatorLimits
 
 
 @with_options(LayTolerance, ErrorLimit)
@@ -37,7 +38,6 @@ def dashboard(
     ] = None,
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
-    from winding_cli.run.wanted_lay import held_against
     from winding_core.parameters import ParameterError, build, typed_values
     from winding_ros.environment import enclave_arguments, ros_arguments
     from winding_ros.graph import PAGE
@@ -57,8 +57,7 @@ def dashboard(
             refuse(f"--runs {runs} is no folder")
         values["runs"] = str(runs.absolute())
     with refused(ParameterError):
-        values |= typed_values(ErrorLimit, errors, spelled)
-        values |= held_against(judged).of_page
+        values |= typed_values(OperatorLimits, {**judged, **errors}, spelled)
         build(DashboardParameters, values, owner="winding dashboard").check()
     if namespace:
         check_namespace(namespace)

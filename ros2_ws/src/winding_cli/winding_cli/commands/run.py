@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.run.configuration import configured, path_of
+from winding_cli.run.configuration import configured
+from winding_cli.terminal.output_path import STANDARD_OUTPUT, print_aside
 from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
 from winding_cli.terminal.refusal import refused
 from winding_core.parameters import Declaration, explained, option_kind
@@ -73,7 +74,7 @@ def run(
     ] = False,
 ) -> None:
     """Wind one case: predict, measure, correct; end with a table and a report."""
-    from winding_cli.run.delivery import DeliveryOptions, RunDelivery
+    from winding_cli.run.delivery import RunDelivery
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here
     from winding_recorder.bags.description import ORIGIN
@@ -82,22 +83,10 @@ def run(
     with refused(ValueError):
         spec = RunSpec.from_cell(cell, typed, spelled)
         config = configured(spec, {ORIGIN: origin.text})
-    recording = spec.recording
-    delivery = RunDelivery(
-        config,
-        spec.condition,
-        origin,
-        DeliveryOptions(
-            report=path_of(recording.report),
-            json=path_of(recording.json),
-            trace=path_of(recording.trace),
-            wish=spec.asked("lay"),
-            limits=spec.limits,
-            lay_held="lay_tolerance_mm" in spec.given,
-            errors_held="error_limit_pct" in spec.given,
-        ),
-    )
-    failure = wind(config, spec.condition, delivery)
+    if spec.path("json") == STANDARD_OUTPUT:
+        print_aside()
+    delivery = RunDelivery(config, origin)
+    failure = wind(config, delivery)
     if failure is not None:
         failure()
     delivery.end()

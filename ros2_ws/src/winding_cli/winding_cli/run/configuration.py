@@ -12,15 +12,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_fem_node.winding.winding_config import SolverParameters
-from winding_cli.run.wanted_lay import controlled_nodes, lead_of
-from winding_cli.terminal.output_path import check_output_file, check_output_folder
+from winding_cli.run.wanted_lay import lead_of
+from winding_cli.terminal.output_path import (
+    STANDARD_OUTPUT,
+    check_output_file,
+    check_output_folder,
+)
 from winding_cli.terminal.record_options import Typed, spelled
 from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.ros_environment import refuse_open
 from winding_core.camera_source import CameraSource
 from winding_core.machine.axes import MachineAxes
-from winding_core.parameters import ParameterError, build, declarations, typed_values
-from winding_core.run_options import BY_MOTION, CameraPlacement, SimulatedMachine
+from winding_core.parameters import ParameterError, build, declared_in, typed_values
+from winding_core.run_options import BY_MOTION, CameraPlacement
 from winding_core.run_spec import RunSpec
 
 if TYPE_CHECKING:
@@ -40,10 +44,10 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
     Raises:
         ParameterError: A file, a camera, a node's parameter or the page cannot be had.
     """
-    from winding_recorder.bags.mcap_file import BagConfig
+    from winding_ros.graph import RIG, parameters_of
     from winding_supervisor.session.run_config import RunConfig
 
-    recording, graph = spec.recording, spec.graph
+    graph = spec.graph
     what = spec.condition.resolved()
     with spec.source.at("condition:"):
         # Refuses here what the solver's node would refuse only after its start.
@@ -59,25 +63,19 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
             camera=spec.camera.camera,
             control=spec.controlled,
         )
+    machine = _external_machine(spec) if spec.external else None
+    if machine is None:
+        with spec.source.at("lay"):
+            build(parameters_of(RIG), {"lay": spec.simulated_lay}, owner="winding run")
+        lead_of(spec)
+    page = _page_parameters(spec) if spec.page.dashboard else None
+    _check_camera(spec)
     label = f"case{what.case.number:02d}" if what.case.number else "own"
-    stated = {"case": spec.condition.case, "duration": spec.condition.duration}
     config = RunConfig(
-        directory=Path(recording.output or f"runs/{time.strftime('%Y%m%d-%H%M%S')}-{label}"),
-        numbered=not recording.output,
-        condition={**spec.asked("condition"), **stated},
-        machine=_external_machine(spec),
-        own=_own_parameters(spec),
-        duration=what.duration,
-        bag=path_of(recording.bag),
-        recording=BagConfig(compression=recording.compression, split_bytes=round(recording.split)),
-        parameters_file=path_of(graph.parameters),
-        domain=graph.domain if "domain" in spec.given else None,
-        namespace=graph.namespace,
-        attach=graph.attach,
-        page=_page_parameters(spec) if spec.page.dashboard else None,
-        trace=bool(recording.trace),
-        compose=_composed_camera(spec),
-        lay_control=spec.controlled,
+        spec=spec,
+        directory=spec.path("output") or Path(f"runs/{time.strftime('%Y%m%d-%H%M%S')}-{label}"),
+        machine=machine,
+        page=page,
         notes=notes,
         attended=sys.stdin.isatty(),
     )
@@ -86,43 +84,8 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
     return config
 
 
-def path_of(text: str) -> Path | None:
-    """Return the path that an option names; None for an empty text."""
-    return Path(text) if text else None
-
-
-def _own_parameters(spec: RunSpec) -> dict[str, Mapping[str, object]]:
-    """Return what single nodes are run with beside the condition."""
-    from winding_ros.graph import CORRECTION, RIG, TRACKER, parameters_of
-
-    asked = {**spec.asked("camera"), **spec.asked("tracking"), **spec.asked("correction")}
-    own: dict[str, Mapping[str, object]] = {
-        node.name: _of(parameters_of(node), asked) for node in (RIG, TRACKER, CORRECTION)
-    }
-    if spec.external:
-        del own[RIG.name]
-    else:
-        simulated = _of(SimulatedMachine, spec.asked("machine")) | {"lay": spec.simulated_lay}
-        if spec.machine.truth_file:
-            simulated["truth_file"] = str(Path(spec.machine.truth_file).absolute())
-        own[RIG.name] = {**own[RIG.name], **simulated}
-        with spec.source.at("lay"):
-            build(parameters_of(RIG), {"lay": spec.simulated_lay}, owner="winding run")
-    if spec.controlled:
-        own[TRACKER.name] = {**own[TRACKER.name], "measure_lay": True}
-        own |= controlled_nodes(spec)
-    return own
-
-
-def _of(record: type, values: Mapping[str, object]) -> dict[str, object]:
-    names = {item.name for item in declarations(record)}
-    return {name: value for name, value in values.items() if name in names}
-
-
-def _external_machine(spec: RunSpec) -> ExternalMachineConfig | None:
-    """Return the external machine that was asked for; None for the simulated one."""
-    if not spec.external:
-        return None
+def _external_machine(spec: RunSpec) -> ExternalMachineConfig:
+    """Return the external machine that was asked for."""
     from winding_supervisor.machines.external_machine import ExternalMachineConfig
 
     what, machine = spec.condition.resolved(), spec.machine
@@ -133,7 +96,7 @@ def _external_machine(spec: RunSpec) -> ExternalMachineConfig | None:
         laid = math.hypot(what.case.centreline_radius, what.drive.advance_per_radian)
         end_angle = machine.wound_length * what.case.expected_stretch / laid
     return ExternalMachineConfig(
-        axes=MachineAxes(**_of(MachineAxes, spec.asked("machine"))),  # type: ignore[arg-type]
+        axes=MachineAxes(**declared_in(MachineAxes, spec.asked("machine"))),
         drive=what.drive,
         end_angle=end_angle,
         camera=spec.camera.camera,
@@ -143,28 +106,23 @@ def _external_machine(spec: RunSpec) -> ExternalMachineConfig | None:
     )
 
 
-def _composed_camera(spec: RunSpec) -> str:
-    """Return what opens a camera in the tracker's process; empty for one that publishes."""
-    source = spec.camera.compose
-    if source and spec.external:
-        # The tracker's process finds modules in the present folder, as `python -m` does.
+def _check_camera(spec: RunSpec) -> None:
+    """Refuse a camera that the tracker's process could not open."""
+    if spec.camera.compose and spec.external:
+        # It finds modules in the present folder, as `python -m` does.
         sys.path.append(str(Path.cwd()))
         with spec.source.at("compose"):
-            CameraSource.parsed(source)
-        return source
-    from winding_ros.graph import SIMULATED_CAMERA
-
-    return SIMULATED_CAMERA if source else ""
+            CameraSource.parsed(spec.camera.compose)
 
 
 def _check_outputs(spec: RunSpec) -> None:
-    recording, label = spec.recording, spec.source.label
-    check_output_folder(path_of(recording.bag), label("bag"), new=True)
-    check_output_folder(path_of(recording.output), label("output"), new=True)
-    check_output_folder(path_of(recording.report), label("report"))
-    files = {"json": recording.json, "trace": recording.trace, "truth": spec.machine.truth_file}
-    for key, file in files.items():
-        check_output_file(path_of(file), label(key), make_folder=True)
+    label = spec.source.label
+    for key in ("bag", "output", "report"):
+        check_output_folder(spec.path(key), label(key), new=key != "report")
+    for key in ("json", "trace", "truth"):
+        path = spec.path(key)
+        if key != "json" or path != STANDARD_OUTPUT:
+            check_output_file(path, label(key), make_folder=True)
 
 
 def _check_nodes(spec: RunSpec, config: RunConfig) -> None:
@@ -205,10 +163,11 @@ def _page_parameters(spec: RunSpec) -> dict[str, object]:
         if spec.graph.parameters:
             file, namespace = Path(spec.graph.parameters), spec.graph.namespace
             # The page draws frames where the tracker's camera stands.
-            values |= _of(CameraPlacement, parameters_for(file, f"/{namespace}/{TRACKER.name}"))
+            tracker = parameters_for(file, f"/{namespace}/{TRACKER.name}")
+            values |= declared_in(CameraPlacement, tracker)
             own = parameters_for(file, f"/{namespace}/{PAGE.name}")
-            values |= _of(parameters_of(PAGE), own)
-        values |= _of(CameraPlacement, spec.asked("camera")) | spec.asked("limits")
+            values |= declared_in(parameters_of(PAGE), own)
+        values |= declared_in(CameraPlacement, spec.asked("camera")) | spec.asked("limits")
         if "dashboard_port" in spec.given:
             values["port"] = spec.page.dashboard_port
         page: Any = build(parameters_of(PAGE), values, owner=PAGE.name)

@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
 
 from winding_cli.terminal.console import Shown, record_table, result_console
-from winding_cli.terminal.output_path import staged
+from winding_cli.terminal.output_path import STANDARD_OUTPUT, staged, write_json
 from winding_cli.terminal.refusal import FAILED, complain, refuse
 from winding_core.cable.condition import Condition
-from winding_core.parameters import Value, build, declarations
-from winding_core.run_options import OperatorLimits
+from winding_core.parameters import build, declared_in
 from winding_core.run_outcome import RunOutcome
 from winding_core.units import MILLIMETRE, MILLISECOND
 
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
     from winding_reports.records.run_record import RunRecord
     from winding_reports.trace import LengthTrace
     from winding_supervisor.session.run_config import RunConfig
-    from winding_supervisor.session.run_result import RunResult
+    from winding_supervisor.session.session import RunResult
 
 _RIG = "winding_rig"
 _ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}
@@ -50,37 +49,16 @@ _HOPS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class DeliveryOptions:
-    """Where what a run leaves goes, and what it is held against.
-
-    Attributes:
-        limits: Of that lay and of the corrected lengths, where no operator sets others.
-    """
-
-    report: Path | None  # Folder of the report; None for `report` in the run's folder
-    json: Path | None  # File of the numbers; None for `run.json` in the run's folder
-    trace: Path | None  # File of the trace, or None
-    wish: Mapping[str, Value]  # Parameters of the wanted lay, if there is one
-    limits: OperatorLimits
-    lay_held: bool  # Whether the user gave the lay's
-    errors_held: bool  # Whether the user gave the lengths'
-
-
 class RunDelivery:
     """Delivers the runs of one command.
 
     Args:
         config: Of the command.
-        condition: Of the command line.
         origin: Of the first run.
-        into: Where everything goes.
     """
 
-    def __init__(
-        self, config: RunConfig, condition: Condition, origin: Origin, into: DeliveryOptions
-    ) -> None:
-        self._config, self._condition, self._into = config, condition, into
+    def __init__(self, config: RunConfig, origin: Origin) -> None:
+        self._config, self._spec = config, config.spec
         self._origin: Origin | None = origin
         self._operated = config.page is not None
         self._directory = config.directory
@@ -97,11 +75,10 @@ class RunDelivery:
         A disk that takes no more ends no session: the operator winds on, and the command fails at
         its end.
         """
-        if not self._operated:
-            return self._deliver(self._condition, result)
         # The condition of a machine with a driver of its own is the command line's in every run.
-        simulated = self._config.machine is None
-        condition = operated_condition(self._condition, result) if simulated else self._condition
+        if not self._operated or self._spec.external:
+            return self._deliver(self._spec.condition, result)
+        condition = operated_condition(self._spec.condition, result)
         return None if condition is None else self._deliver(condition, result)
 
     @property
@@ -120,41 +97,37 @@ class RunDelivery:
         from winding_cli.run.outcome import asked_extent
         from winding_cli.run.record import run_record
 
-        into = self._into
+        spec, machine = self._spec, self._config.machine
         self._count += 1
         parameters = self._config.parameters()
         if result.wound:
             parameters[_RIG] |= result.wound
-        limits = result.limits or into.limits
         folder = self._folder()
-        machine = self._config.machine
         asked = asked_extent(condition, None if machine is None else machine.end_angle)
         if self._operated and machine is None:
             condition = replace(condition, duration=min(condition.duration, result.buffer.time))
         record = run_record(
             condition,
             result,
-            into.wish,
-            limits.lay_tolerance,
+            spec.asked("lay"),
+            result.limits or spec.limits,
             asked=asked,
-            laid_as_published=laid_as_published(parameters),
+            parameters=parameters,
             origin=self._own_origin(),
-            seed=seed_of(parameters),
-            error_limit_pct=limits.error_limit_pct,
         )
         show(record)
         try:
             write(
                 record,
-                self._numbered(into.report) or folder / "report",
-                self._numbered(into.json) or folder / "run.json",
+                self._numbered("report") or folder / "report",
+                self._numbered("json") or folder / "run.json",
                 bags=result.bags,
-                trace=self._numbered(into.trace),
+                trace=self._numbered("trace"),
                 result=result,
             )
         except OSError as error:
             self._rescue(record, error)
-        found = flaw(record, result, held=into.lay_held, errors_held=into.errors_held)
+        found = flaw(record, result, spec.given)
         if found:
             self._flaws.append(found)
         return record.outcome
@@ -180,9 +153,10 @@ class RunDelivery:
         first = self._count == 1
         return self._directory if first else self._directory / f"run-{self._count}"
 
-    def _numbered(self, path: Path | None) -> Path | None:
+    def _numbered(self, option: str) -> Path | None:
         """Return where the first run's file would be, or that of the present run beside it."""
-        if path is None or self._count == 1:
+        path = self._spec.path(option)
+        if path is None or path == STANDARD_OUTPUT or self._count == 1:
             return path
         return path.with_name(f"{path.stem}-{self._count}{path.suffix}")
 
@@ -196,8 +170,7 @@ def operated_condition(condition: Condition, result: RunResult) -> Condition | N
     """
     if not result.wound or result.buffer.time <= 0.0:
         return None
-    names = {item.name for item in declarations(type(condition))}
-    stated: Mapping[str, object] = {k: v for k, v in result.wound.items() if k in names}
+    stated = declared_in(type(condition), result.wound)
     return build(type(condition), stated, owner="the run")
 
 
@@ -215,16 +188,19 @@ def write(
     Args:
         record: Of the run.
         report: Folder of the report.
-        json: File of the numbers.
+        json: File of the numbers, or standard output.
         bags: That were recorded.
         trace: File of the trace for a viewer of Chrome's traces; None for none.
         result: What the run left, for its trace.
     """
-    from winding_reports.records.run_record import write_run_json
+    from winding_reports.records.run_record import run_json, write_run_json
     from winding_reports.run_report.report import write_report
 
-    with staged(json) as place:
-        write_run_json(record, place)
+    if json == STANDARD_OUTPUT:
+        write_json(json, run_json(record))
+    else:
+        with staged(json) as place:
+            write_run_json(record, place)
     with staged(report) as place:
         page = report / write_report(record, place).name
     files = [("report", page), ("numbers", json), *(("bag", bag) for bag in bags)]
@@ -254,57 +230,23 @@ def show(record: RunRecord) -> None:
         console.print(*trace_tables(record.trace))
 
 
-def seed_of(parameters: Mapping[str, Mapping[str, object]]) -> int | None:
-    """Return the seed of the simulated sensors; None for a real machine.
-
-    Args:
-        parameters: By node.
-    """
-    from winding_ros import topics
-    from winding_ros.graph import RIG, parameters_of
-
-    if topics.RIG not in parameters:
-        return None
-    own = {item.name: item.default for item in declarations(parameters_of(RIG))}
-    seed = (own | dict(parameters[topics.RIG]))["seed"]
-    assert isinstance(seed, int)
-    return seed
-
-
-def laid_as_published(parameters: Mapping[str, Mapping[str, object]]) -> bool:
-    """Return whether a simulated machine lays the cable where the paper's experiment measured it.
-
-    Args:
-        parameters: By node.
-    """
-    from winding_ros import topics
-    from winding_ros.graph import RIG, parameters_of
-
-    if topics.RIG not in parameters:
-        return False
-    own = {item.name: item.default for item in declarations(parameters_of(RIG))}
-    return (own | dict(parameters[topics.RIG]))["lay"] == "paper"
-
-
-def flaw(record: RunRecord, result: RunResult, *, held: bool, errors_held: bool = False) -> str:
+def flaw(record: RunRecord, result: RunResult, given: Collection[str]) -> str:
     """Return why the command fails although its run was delivered; empty for no reason.
 
     Args:
         record: Of the run.
         result: What it left.
-        held: Whether the user gave a tolerance, which a lay that was driven must then be known
-            to keep.
-        errors_held: Whether the user gave a limit of the errors, which they must then be known to
-            keep.
+        given: Options that the user gave. A lay that was driven must be known to keep a tolerance
+            of these, and the errors of the lengths a limit.
     """
     if record.outcome.failed:
         return record.outcome.ending.danger or record.outcome.headline
     if result.losses:
         return result.losses[0]
     lay = record.lay
-    if held and lay is not None and lay.drove and not lay.verdict.kept:
+    if "lay_tolerance_mm" in given and lay is not None and lay.drove and not lay.verdict.kept:
         return lay.verdict.sentence
-    if errors_held and not record.verdict.good:
+    if "error_limit_pct" in given and not record.verdict.good:
         return record.verdict.sentence
     return ""
 

@@ -17,7 +17,7 @@ from winding_reports.records.run_record import MarkerRow
 from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.topic import Topic
-from winding_supervisor.session.run_result import RunResult
+from winding_supervisor.session.session import RunResult
 
 _TURN = 2.0 * math.pi
 # Stamps that step further than their messages are apart, by more than this, jump [s].

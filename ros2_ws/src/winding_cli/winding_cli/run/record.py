@@ -15,22 +15,23 @@ from winding_cli.run.laid_cable import last_cable, recorded_outcome
 from winding_cli.run.outcome import run_outcome
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
-from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.helix import curve_length
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
-from winding_core.parameters import Value
+from winding_core.parameters import Value, declarations
+from winding_core.run_options import OperatorLimits
 from winding_core.run_outcome import Extent
 from winding_recorder.live.run_buffer import Reading, RunBuffer
 from winding_reports.records.identity import Identity, Origin, condition_quantities
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 from winding_reports.trace import length_trace
 from winding_ros import topics
+from winding_ros.graph import RIG, parameters_of
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics
 from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
-from winding_supervisor.session.run_result import RunResult
+from winding_supervisor.session.session import RunResult
 
 # A marker in one of these states was not measured in that frame.
 _UNSEEN = int(
@@ -47,13 +48,11 @@ def run_record(
     condition: Condition,
     result: RunResult,
     wish: Mapping[str, Value],
-    tolerance: float,
+    limits: OperatorLimits,
     *,
     asked: Extent,
-    laid_as_published: bool,
+    parameters: Mapping[str, Mapping[str, object]],
     origin: Origin | None = None,
-    seed: int | None = None,
-    error_limit_pct: float = PAPER_LIMIT_PCT,
 ) -> RunRecord:
     """Return the record of a finished run.
 
@@ -61,13 +60,10 @@ def run_record(
         condition: What was wound.
         result: What the run left.
         wish: Parameters of the wanted lay, if there was one.
-        tolerance: Of that lay, in every turn after the second [m].
+        limits: Of that lay, in every turn after the second, and of the corrected lengths.
         asked: How far the run was to go.
-        laid_as_published: Whether a simulated machine lays the cable where the paper's experiment
-            measured it, which is the measure of its lengths then.
+        parameters: Of every node, by node.
         origin: The process that made the run; None where a recording does not say.
-        seed: Of the simulated sensors; None for a real machine.
-        error_limit_pct: Largest error of a corrected length that counts as good [%].
     """
     buffer = result.buffer
     what = condition.resolved()
@@ -91,7 +87,11 @@ def run_record(
     if result.simulated:
         completed = result.ending.cause is None
         missing = partial(_missing, duration=condition.duration if completed else reached)
-    lay = recorded_outcome(buffer, condition, tracked, wish, tolerance)
+    rig = _rig_parameters(parameters)
+    # A simulated machine may lay the cable where the paper's experiment measured it, which is the
+    # measure of its lengths then.
+    laid_as_published = rig.get("lay") == "paper"
+    lay = recorded_outcome(buffer, condition, tracked, wish, limits.lay_tolerance)
     published_lay = case.is_published and lay is None and laid_as_published
     rows = tuple(
         _row(
@@ -125,7 +125,7 @@ def run_record(
             rows,
             lay,
             published=published_lay,
-            error_limit_pct=error_limit_pct,
+            error_limit_pct=limits.error_limit_pct,
         ),
         frames=len(answered),
         frames_lost=missing(frames, topics.CAMERA_INFO) + len(np.setdiff1d(frames, answered)),
@@ -139,7 +139,7 @@ def run_record(
         lay=lay,
         identity=Identity(
             origin=origin,
-            seeds=() if seed is None else (seed,),
+            seeds=(rig["seed"],) if rig else (),
             bags=tuple(str(bag.absolute()) for bag in result.bags),
             weights=factor.weights,
             weights_sha256=factor.sha256,
@@ -155,6 +155,14 @@ def run_record(
             *([_THINNED] if buffer.thinned else []),
         ),
     )
+
+
+def _rig_parameters(parameters: Mapping[str, Mapping[str, object]]) -> dict[str, Any]:
+    """Return what the simulated machine was set to; nothing of a real one."""
+    if topics.RIG not in parameters:
+        return {}
+    own = {item.name: item.default for item in declarations(parameters_of(RIG))}
+    return {**own, **parameters[topics.RIG]}
 
 
 def mean_length(series: MarkerSeries, radius: float) -> float | None:

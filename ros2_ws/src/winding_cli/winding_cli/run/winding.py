@@ -34,19 +34,15 @@ if TYPE_CHECKING:
     from winding_cli.run.delivery import RunDelivery
     from winding_supervisor.session.run import Run
     from winding_supervisor.session.run_config import RunConfig
-    from winding_supervisor.session.run_result import RunResult
 
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
 
-def wind(
-    config: RunConfig, condition: Condition, delivery: RunDelivery
-) -> Callable[[], NoReturn] | None:
+def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | None:
     """Wind with a live picture on a terminal, and with lines of progress elsewhere.
 
     Args:
         config: Of the run.
-        condition: What is wound, by the command line.
         delivery: Takes what every run leaves.
 
     Returns:
@@ -60,21 +56,18 @@ def wind(
 
     interrupted = partial(end, "interrupted; the nodes are stopped")
     ending: Callable[[], NoReturn] | None = None
-    results: list[RunResult] = []
     try:
         with opened_run(config) as run:
             delivery.begin(run.config.directory)
             import_early("winding_reports.run_report.report")
             try:
-                results += filter(None, [_watched(run, config, condition, delivery)])
+                _watch(run, config.spec.condition, delivery)
             except (GraphError, TimeoutError, OSError) as error:
                 complain(error)
                 ending = fail
             except KeyboardInterrupt:
                 ending = interrupted
-            if ending is not None:
-                results = run.remains()
-            for result in results:
+            for result in run.remains():
                 delivery.deliver(result)
                 if result.ending.by is EndedBy.SIGNAL:
                     ending = interrupted
@@ -86,20 +79,19 @@ def wind(
     return None if ending is interrupted and delivery.flawed else ending
 
 
-def _watched(
-    run: Run, config: RunConfig, condition: Condition, delivery: RunDelivery
-) -> RunResult | None:
+def _watch(run: Run, condition: Condition, delivery: RunDelivery) -> None:
     console = Console(stderr=True)
     if not console.is_terminal:
-        lines = ProgressLines(config.duration, _FIRST_WORDS)
-        return run.wind(lines, print_sentence, delivery.deliver)
+        lines = ProgressLines(condition.duration, _FIRST_WORDS)
+        run.wind(lines, print_sentence, delivery.deliver)
+        return
     with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
         def view(buffer: RunBuffer, wall: float) -> None:
-            picture = LiveView(condition.resolved().case, config.duration, buffer)
+            picture = LiveView(condition.resolved().case, condition.duration, buffer)
             live.update(picture.render(wall))
 
-        return run.wind(view, live.console.print, delivery.deliver)
+        run.wind(view, live.console.print, delivery.deliver)
 
 
 class LiveView:

@@ -47,7 +47,9 @@ def check_output_file(
         force: Whether a file that is there is replaced in the end; None where that is no option.
     """
     if path == STANDARD_OUTPUT:
-        _print_aside(option)
+        if option != "--json":
+            refuse(f"{_typed(option)}- is for --json; give a file")
+        print_aside()
         return
     if path is None:
         return
@@ -118,6 +120,13 @@ def staged(path: Path) -> Iterator[Path]:
         refuse(f"cannot write {path}: {error.strerror or error}", FAILED)
 
 
+def print_aside() -> None:
+    """Print on standard error from here on: standard output is for JSON alone."""
+    # For the rest of the process, which is the command's.
+    _results.set(sys.stdout)
+    sys.stdout = sys.stderr
+
+
 def write_json(path: Path, content: object) -> None:
     """Write JSON into a file, or to standard output."""
     text = json_format.dumps(content, indent=1)
@@ -147,14 +156,6 @@ def by_suffix(files: Iterable[Path], given: Mapping[str, Path | None]) -> list[P
             refuse(f"--output: two files for {kind}, {found[kind]} and {file}")
         found[kind] = file
     return list(found.values())
-
-
-def _print_aside(option: str) -> None:
-    if option != "--json":
-        refuse(f"{_typed(option)}- is for --json; give a file")
-    # For the rest of the process, which is the command's.
-    _results.set(sys.stdout)
-    sys.stdout = sys.stderr
 
 
 def _in_place(path: Path) -> bool:

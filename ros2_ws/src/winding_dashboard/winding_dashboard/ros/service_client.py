@@ -15,6 +15,7 @@ from winding_core.cable.condition import Condition
 from winding_core.lay.records import ControlMode
 from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError, build, declarations
+from winding_core.status import REFUSED_TRANSITION
 from winding_dashboard.page import commands
 from winding_dashboard.page.commands import Choice, CommandError
 from winding_dashboard.state.health import SILENCE, Health
@@ -41,7 +42,6 @@ _PLAYERS = ("bag_player", "rosbag2_player")
 _ANSWER = 3.0
 _QUICK = 0.9
 _TAKE_UP = "take_up_material"
-_CANNOT = "cannot "
 _LAY, _MEASURED_LAY, _OWN_LAY = "lay", "paper", "fem"
 # Discovery takes a second on a busy machine; readers of other tools may never come back.
 _MATCHING = 10.0
@@ -270,9 +270,9 @@ class ServiceClient:
         """Return a node's reason for a refused transition, which it reports within a second."""
         begin = self._clock()
         while (now := self._clock()) - begin < _ANSWER:
-            message = self._health.message(node)
-            if self._health.silent_for(node, now) < now - begin and message.startswith(_CANNOT):
-                return message
+            refused = REFUSED_TRANSITION in self._health.values(node)
+            if self._health.silent_for(node, now) < now - begin and refused:
+                return self._health.message(node)
             await asyncio.sleep(_LOOK)
         return "refused; see the list of nodes"
 

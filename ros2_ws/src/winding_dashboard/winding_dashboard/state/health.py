@@ -27,6 +27,7 @@ class Recording:
     size: int = 0  # Bytes of it on the disk
     lost: int = 0  # Messages that never arrived
     message: str = ""  # Its message in /diagnostics; empty when it is not heard
+    ended: bool = False  # Whether it has ended by itself, and the message has why
 
     @property
     def on(self) -> bool:
@@ -44,6 +45,7 @@ def recording_of(health: Health) -> Recording:
             size=int(values.get("bytes", 0)),
             lost=int(values.get("lost", 0)),
             message=health.message(RECORDER),
+            ended="ended" in values,
         )
     except ValueError:
         return Recording()
@@ -52,8 +54,7 @@ def recording_of(health: Health) -> Recording:
 def recording_sentence(recording: Recording) -> str:
     """Return what an operator reads of a recording."""
     if not recording.on:
-        ended = recording.message.startswith("the recording has ended")
-        return recording.message if ended else "nothing is being recorded"
+        return recording.message if recording.ended else "nothing is being recorded"
     lost = f", {recording.lost} never arrived" if recording.lost else ""
     messages = f"{recording.messages:,}".replace(",", " ")
     return f"into {recording.bag}: {messages} messages, {size_text(recording.size)}{lost}"

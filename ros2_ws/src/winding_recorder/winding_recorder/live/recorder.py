@@ -399,6 +399,8 @@ class Recorder:
         if self.error is not None and writer is None:
             level, message = Level.ERROR, f"the recording has ended: {self.error}"
         values = {"lost": str(lost), "waiting": str(self._found - self._dealt_with)}
+        if level is Level.ERROR:
+            values["ended"] = str(self.error)
         if writer is not None:
             values |= {"messages": str(writer.taken), "bytes": str(writer.stored)}
             values["bag"] = writer.folder.name

@@ -11,7 +11,7 @@ from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
 from winding_core.compile_progress import COMPILING, PROGRESS, Compiling
 from winding_core.parameters import ParameterError
-from winding_core.status import Level, Status
+from winding_core.status import REFUSED_TRANSITION, Level, Status
 from winding_ros.graph import NodeSpec
 from winding_ros.message_guard import news
 from winding_ros.messages.diagnostics import encode_diagnostics
@@ -61,7 +61,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self.active = False
         self.stop_requested: Callable[[], bool] = lambda: False
         add_parameter_validation(self, configuration, lambda: self._configured)
-        self._failure = ""
+        self._failure = self._refused = ""
         self._fatal: Exception | None = None
         self._diagnostics = DIAGNOSTICS.advertise(self)
         self._heartbeat = Heartbeat(self, spec.name)
@@ -187,6 +187,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self.configuration = read_parameters(self, self._declared)
 
     def _transition(self, name: str, *hooks: Callable[[], None]) -> TransitionCallbackReturn:
+        self._refused = name
         try:
             with PROGRESS.heard(self._tell_compiling):
                 for hook in hooks:
@@ -246,5 +247,6 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def _statuses(self) -> list[Status]:
         own = self.status()
         if self._failure:
-            own = Status(name=own.name, level=Level.ERROR, message=self._failure, values=own.values)
+            values = {**own.values, REFUSED_TRANSITION: self._refused}
+            own = Status(name=own.name, level=Level.ERROR, message=self._failure, values=values)
         return [own, *self.endpoints.statuses()]

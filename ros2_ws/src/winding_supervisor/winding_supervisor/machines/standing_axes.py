@@ -8,6 +8,7 @@ from collections.abc import Callable
 from rclpy.node import Node
 
 from winding_core.machine.axes import JointSample, MachineAxes
+from winding_core.machine.heard_joints import missing_joints
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
@@ -20,6 +21,8 @@ _POLL = 0.02
 PATIENCE = 30.0
 # Standing readings are looked at for so long [s].
 _LOOK = 0.5
+# So many of the newest messages show which joints a driver has.
+_NAMED = 200
 # Positions of a machine that stands tremble by less than this within a look [rad, m].
 _TREMBLING = (0.01, 2.0e-4)
 
@@ -76,16 +79,23 @@ def _why_not(
 ) -> str:
     """Return why no standing machine was seen, as a sentence."""
     name = topics.JOINT_STATES.name
-    message = buffer.last(topics.JOINT_STATES)
-    if message is None:
+    if buffer.last(topics.JOINT_STATES) is None:
         return (
             f"no driver is heard on {node.resolve_topic_name(name)} for {PATIENCE:g} s; start it, "
             "or see `winding conform`"
         )
+    heard = buffer.messages[name].newest(_NAMED)
+    states = [deserialised(item.data, topics.JOINT_STATES.type) for item in heard]
+    # As many periods as messages.
+    took = (
+        1e-9 * (heard[-1].received_ns - heard[0].received_ns) * len(heard) / max(len(heard) - 1, 1)
+    )
+    if missing := missing_joints(name, [tuple(state.name) for state in states], took, axes):
+        return missing
     try:
-        decode_joint_sample(deserialised(message.data, topics.JOINT_STATES.type), axes)
+        decode_joint_sample(states[-1], axes)
     except MessageError as error:
-        return f"the driver's {error}; name its joints by cylinder_joint and carriage_joint"
+        return f"the driver's {error}"
     contested = RivalWatch(node, ()).look(now)
     if contested:
         return " ".join(contested)

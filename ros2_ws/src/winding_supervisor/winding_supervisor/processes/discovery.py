@@ -133,6 +133,6 @@ class RivalWatch:
         """Return which topic is contested at monotonic time `now` [s], and by whom, or None."""
         for name, before in self._rivals.items():
             self._rivals[name] = after = before.look(name, contestants(self._node, name), now)
-            if after.sentence:
-                return name, after.sentence.removeprefix(f"{name} ")
+            if after.text:
+                return name, after.text
         return None

@@ -1,24 +1,27 @@
-"""What a run of the graph is configured with, and what is refused before it starts."""
+"""From what a run is to what its graph is run with, and what is refused before it starts."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from winding_core.parameters import ParameterError, build
-from winding_recorder.bags.mcap_file import BagConfig
+from winding_core.parameters import ParameterError, build, declarations, declared_in, refuse_unknown
+from winding_core.run_spec import RunSpec
+from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.live.recorder import RecorderError
-from winding_ros import topics
 from winding_ros.graph import (
-    DEFAULT_NAMESPACE,
-    GRAPH,
+    FEM,
+    LAY_CONTROL,
     PAGE,
     RIG,
+    SIMULATED_CAMERA,
     TRACKER,
     NodeSpec,
     composed,
-    controlled,
+    members,
     pace_topics,
     parameters_of,
 )
@@ -36,32 +39,14 @@ class RunFolderError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class RunConfig:
-    """One run of the graph.
+    """A run, where it goes, and what its options alone do not say."""
 
-    Attributes:
-        page: Parameters of the operator's page; None for a run that starts by itself.
-        compose: What opens a camera in the tracker's process, as MODULE:FUNCTION; empty for one
-            that publishes its frames.
-        notes: What its recordings say of the run beside the parameters, by name.
-    """
-
+    spec: RunSpec  # As it was asked for
     directory: Path  # New folder of logs and of what the run leaves behind
-    condition: Mapping[str, object]  # Parameters that every node shares (`Condition`)
-    own: Mapping[str, Mapping[str, object]]  # Node name -> parameters of that node alone
-    duration: float  # Simulated length [s]
-    numbered: bool = False  # Whether a number is added to the folder's name when it is taken
-    bag: Path | None = None  # Where to record, or None
-    recording: BagConfig = field(default_factory=BagConfig)  # How the bag is stored
-    parameters_file: Path | None = None  # The user's own parameter file
-    domain: int | None = None  # DDS domain, or None for the environment's
-    namespace: str = DEFAULT_NAMESPACE  # Namespace of the graph
-    attach: bool = False  # Whether the nodes run elsewhere; no process is started or ended here
     machine: ExternalMachineConfig | None = None  # The external machine; None for the simulated one
+    # Parameters of the operator's page; None for a run that starts by itself
     page: Mapping[str, object] | None = None
-    trace: bool = False  # Whether the nodes note the way of each corrected length
-    compose: str = ""
-    lay_control: bool = False  # Whether the controller of the lay is one of the nodes
-    notes: Mapping[str, str] = field(default_factory=dict)
+    notes: Mapping[str, str] = field(default_factory=dict)  # What its recordings say of it, by name
     attended: bool = False  # Whether an operator sits at the terminal
 
     @property
@@ -70,20 +55,23 @@ class RunConfig:
         return self.directory / "log"
 
     @property
+    def numbered(self) -> bool:
+        """Whether a number is added to the folder's name when it is taken."""
+        return not self.spec.recording.output
+
+    @property
     def listed_runs(self) -> Path:
         """Folder whose runs the operator's page lists: those beside a folder with a number."""
         return (self.directory.parent if self.numbered else self.directory).absolute()
 
     @property
     def graph(self) -> tuple[NodeSpec, ...]:
-        """The nodes of the run; a real machine needs no rig, and without a camera no tracker."""
-        graph = GRAPH
-        if self.machine is not None:
-            camera = self.machine.camera
-            graph = tuple(s for s in GRAPH if s is not RIG and (camera or s is not TRACKER))
-        if self.lay_control:
-            graph = controlled(graph)
-        return composed(graph, self.compose) if self.compose else graph
+        """The nodes of the run."""
+        spec = self.spec
+        graph = members(external=spec.external, camera=spec.camera.camera, control=spec.controlled)
+        if not spec.camera.compose:
+            return graph
+        return composed(graph, spec.camera.compose if spec.external else SIMULATED_CAMERA)
 
     def own_parameters(
         self, axes: Mapping[str, object] | None = None
@@ -93,28 +81,45 @@ class RunConfig:
         Args:
             axes: Parameters of those nodes that read the machine's axes.
         """
-        parameters = {
-            spec.name: {
-                **self.condition,
-                **_declared(spec, axes or {}),
-                **self.own.get(spec.name, {}),
-            }
-            for spec in self.graph
+        spec, found = self.spec, {}
+        sections = ("camera", "tracking", "correction", "lay")
+        asked = {**(axes or {}), **{k: v for name in sections for k, v in spec.asked(name).items()}}
+        condition = spec.condition
+        stated = {"case": condition.case, "duration": condition.duration}
+        for node in self.graph:
+            found[node.name] = {
+                **spec.asked("condition"), **stated, **declared_in(parameters_of(node), asked)
+            }  # fmt: skip
+        if RIG.name in found:
+            found[RIG.name] |= self._rig_parameters()
+        if spec.controlled:
+            limits = {item.name: item.default for item in declarations(parameters_of(LAY_CONTROL))}
+            found[FEM.name]["carriage_speed"] = limits["guide_speed_limit"]
+            if TRACKER.name in found:
+                found[TRACKER.name]["measure_lay"] = True
+        return found
+
+    def _rig_parameters(self) -> dict[str, object]:
+        spec = self.spec
+        asked = declared_in(parameters_of(RIG), spec.asked("machine"))
+        if spec.machine.truth_file:
+            asked["truth_file"] = str(Path(spec.machine.truth_file).absolute())
+        if spec.camera.compose:
+            asked["camera_elsewhere"] = True
+        paced = ",".join(topic.name for topic in pace_topics(self.graph))
+        return {
+            **asked,
+            "lay": spec.simulated_lay,
+            "pace_topics": paced,
+            "supervisor_timeout": _SUPERVISOR_TIMEOUT,
         }
-        if topics.RIG in parameters:
-            parameters[topics.RIG]["pace_topics"] = ",".join(
-                topic.name for topic in pace_topics(self.graph)
-            )
-            parameters[topics.RIG]["supervisor_timeout"] = _SUPERVISOR_TIMEOUT
-            if self.compose:
-                parameters[topics.RIG]["camera_elsewhere"] = True
-        return parameters
 
     def file_parameters(self, node: str) -> dict[str, object]:
         """Return what the user's file sets of a node's declared parameters."""
-        if self.parameters_file is None:
+        file = self.spec.path("parameters")
+        if file is None:
             return {}
-        return declared_names(parameters_for(self.parameters_file, f"/{self.namespace}/{node}"))
+        return declared_names(parameters_for(file, f"/{self.spec.graph.namespace}/{node}"))
 
     def parameters(self, axes: Mapping[str, object] | None = None) -> dict[str, dict[str, object]]:
         """Return what every node is run with; the run's own values go over the file's.
@@ -138,22 +143,26 @@ def check_run(config: RunConfig) -> None:
         RecorderError: The bag exists already.
         RunFolderError: The folder exists already.
     """
-    if config.parameters_file is not None:
-        check_readable(config.parameters_file)
-    for spec in config.graph:
-        kind = parameters_of(spec)
+    file, own, bag = (
+        config.spec.path("parameters"), config.own_parameters(), config.spec.path("bag")
+    )  # fmt: skip
+    if file is not None:
+        check_readable(file)
+    for node in config.graph:
+        kind, values = parameters_of(node), config.file_parameters(node.name)
+        known = [item.name for item in declarations(kind)]
+        refuse_unknown(values, known, owner=f"{file}: {node.name}")
         try:
-            build(kind, config.file_parameters(spec.name), owner=spec.name)
+            build(kind, values, owner=node.name)
         except ParameterError as error:
-            raise ParameterError(
-                f"{config.parameters_file}: {_about(spec.name, str(error))}"
-            ) from None
-        build(kind, config.own_parameters()[spec.name], owner=spec.name)
-    chosen_domain(config.domain)
+            raise ParameterError(f"{file}: {node.name}: {error}") from None
+        build(kind, own[node.name], owner=node.name)
+    chosen_domain(config.spec.domain)
     if config.page is not None:
-        build(parameters_of(PAGE), config.page, owner=PAGE.name).check()
-    if config.bag is not None and config.bag.exists():
-        raise RecorderError(f"{config.bag} exists already; a recording is never overwritten")
+        page: Any = build(parameters_of(PAGE), config.page, owner=PAGE.name)
+        page.check()
+    if bag is not None and bag.exists():
+        raise RecorderError(f"{bag} exists already; a recording is never overwritten")
     if config.directory.exists() and not config.numbered:
         raise _taken(config.directory)
 
@@ -178,14 +187,10 @@ def claim_folder(config: RunConfig) -> Path:
             return candidate
 
 
-def _declared(spec: NodeSpec, values: Mapping[str, object]) -> dict[str, object]:
-    known = {item.name for item in fields(parameters_of(spec))}
-    return {name: value for name, value in values.items() if name in known}
-
-
-def _about(node: str, sentence: str) -> str:
-    return sentence if sentence.startswith(f"{node} ") else f"{node}: {sentence}"
-
-
 def _taken(folder: Path) -> RunFolderError:
     return RunFolderError(f"{folder} exists already; a run is never written over another")
+
+
+def parameter_notes(parameters: Mapping[str, Mapping[str, object]]) -> dict[str, str]:
+    """Return the parameters of every node as a bag keeps them, for its replay."""
+    return {f"{PARAMETERS}{name}": json.dumps(dict(own)) for name, own in parameters.items()}

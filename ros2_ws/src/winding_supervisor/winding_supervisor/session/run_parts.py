@@ -15,6 +15,7 @@ from winding_core.parameters import build
 from winding_core.run_options import CameraPlacement
 from winding_core.trace import TRACE_DTYPE, usable_records
 from winding_core.urdf import CarriageLimits, machine_urdf
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
@@ -28,34 +29,30 @@ from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.simulated_machine import SimulatedMachine
 from winding_supervisor.processes.orchestrator import GraphConfig
 from winding_supervisor.session.dashboard_process import DashboardConfig
-from winding_supervisor.session.operator_run import parameter_notes
-from winding_supervisor.session.run_config import RunConfig
+from winding_supervisor.session.run_config import RunConfig, parameter_notes
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
 
 def new_recorder(config: RunConfig, client: AsyncClient) -> Recorder:
     """Return the recorder; an operator's takes pictures only while a bag is asked for."""
-    further: dict[str, Any] = {}
-    if config.page is not None:
-        further = {
-            "further": config.bag or config.directory / "bag",
-            "on_demand": _PICTURES,
-        }
+    bag, operated = config.spec.path("bag"), config.page is not None
+    stored = config.spec.recording
     return Recorder(
         client.node,
-        config.bag,
+        bag,
         recorded=_recorded(config),
-        config=config.recording,
+        config=BagConfig(compression=stored.compression, split_bytes=round(stored.split)),
         notes={**config.notes, **parameter_notes(config.parameters())},
-        **further,
+        further=(bag or config.directory / "bag") if operated else None,
+        on_demand=_PICTURES if operated else (),
     )
 
 
 def new_machine(config: RunConfig, client: AsyncClient, buffer: RunBuffer) -> Machine:
     """Return what is known of the machine, simulated or behind a driver of its own."""
     if config.machine is None:
-        return SimulatedMachine(client, buffer, config.duration)
+        return SimulatedMachine(client, buffer, config.spec.condition.duration)
     return ExternalMachine(config.machine, client, buffer)
 
 
@@ -67,12 +64,12 @@ def graph_config(config: RunConfig, axes: Mapping[str, object]) -> GraphConfig:
         axes: Parameters of those nodes that read the machine's axes.
     """
     return GraphConfig(
-        namespace=config.namespace,
+        namespace=config.spec.graph.namespace,
         log_directory=config.log_directory,
         parameters=config.own_parameters(axes),
-        parameters_file=config.parameters_file,
+        parameters_file=config.spec.path("parameters"),
         recorded=frozenset(topic.name for topic in _recorded(config)),
-        attach=config.attach,
+        attach=config.spec.graph.attach,
         graph=config.graph,
         sim_time=config.machine is None,
     )
@@ -94,13 +91,13 @@ def page_config(config: RunConfig, axes: Mapping[str, object]) -> DashboardConfi
             "runs": str(config.listed_runs),
             "nodes": ",".join(spec.name for spec in config.graph),
         },
-        namespace=config.namespace,
+        namespace=config.spec.graph.namespace,
         log_directory=config.log_directory,
     )
 
 
 def _recorded(config: RunConfig) -> tuple[Topic, ...]:
-    throughout = config.bag is not None and config.page is None
+    throughout = config.spec.path("bag") is not None and config.page is None
     return tuple(
         topic
         for topic in topics.TOPICS

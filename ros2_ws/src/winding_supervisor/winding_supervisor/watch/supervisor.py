@@ -342,14 +342,16 @@ class Supervisor:
 
     def _end(self, cause: Cause) -> NoReturn:
         first = self.log.end(cause)
-        self._note("ended", first.source, first.text)
+        self._note("ended", first.source, first.text, sentence=first.text)
         raise RunEndedError(first.text)
 
-    def _note(self, what: str, node: str, text: str, *, wall: float | None = None) -> None:
+    def _note(
+        self, what: str, node: str, text: str, *, wall: float | None = None, sentence: str = ""
+    ) -> None:
         self.log.note(what, node, text, t=self.t, wall=wall)
         level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
         values = {"time": f"{self.t:.3f}"}
-        about = text if text.startswith(node) else f"{node} {text}"
+        about = sentence or f"{node} {text}"
         self._client.tell(self.t, level, "supervision", f"{what}: {about}", values)
 
 

@@ -1,0 +1,291 @@
+"""A session of runs: each is waited for, followed, brought to rest, delivered; then the next."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from winding_core.run_options import OperatorLimits
+from winding_core.run_outcome import Ending, RunOutcome, Verdict
+from winding_core.status import OUTCOME_COMPONENT, Level, RunPhase
+from winding_recorder.live.run_buffer import RunBuffer
+from winding_ros import topics
+from winding_ros.graph import GraphError
+from winding_supervisor.session.completion import Completion
+from winding_supervisor.session.conduct import Conduct
+from winding_supervisor.session.participants import Participants
+
+_POLL = 0.05
+_VIEW_PERIOD = 0.25
+_LEVELS = {Verdict.FAILED: Level.ERROR, Verdict.NOT_GOOD: Level.WARN}
+
+View = Callable[[RunBuffer, float], None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunResult:
+    """What a run leaves."""
+
+    buffer: RunBuffer  # Every message but the pictures
+    wall_s: float  # How long the run took [s]
+    ending: Ending  # Who or what ended it
+    losses: tuple[str, ...] = ()  # What of its files is missing, a sentence each
+    # Parameters of the machine in a run that an operator conducted; empty when none was begun
+    wound: Mapping[str, object] = field(default_factory=dict)
+    bags: tuple[Path, ...] = ()  # What was recorded
+    limits: OperatorLimits | None = None  # Of the operator's page at its end
+    simulated: bool = True  # Whether its machine was the simulated one, sampled at known instants
+    # What the nodes noted of the corrected lengths, TRACE_DTYPE, shape (n,); None without a trace
+    trace: NDArray[np.void] | None = None
+
+
+@dataclass(kw_only=True, eq=False)
+class _Run:
+    """A run of the session, from waiting for it to its delivery."""
+
+    since: float  # When it was begun to be waited for, then when it began; monotonic [s]
+    begun: bool = False  # Whether its machine has begun
+    over: float | None = None  # When it was over, monotonic [s]; None before
+    buffer: RunBuffer | None = None  # Its own, once it is over; nothing is added to it
+    ending: Ending = field(default_factory=Ending)
+    folders: tuple[Path, ...] = ()  # Of what was recorded meanwhile
+    wound: Mapping[str, object] = field(default_factory=dict)  # Empty while it is being read
+
+    @property
+    def wall_s(self) -> float:
+        """How long it took, or has taken so far [s]."""
+        return (self.over or time.monotonic()) - self.since
+
+
+class Session:
+    """Follows one run, or run after run until the operator ends the session.
+
+    Every run that was begun is left once: to `deliver` when it is over and another may follow, to
+    `remains` when it is the last. The recorder's buffer keeps the present run alone.
+
+    Args:
+        who: Takes part.
+        conduct: How runs begin.
+        deliver: Takes a run of an operator that is over, in a thread of its own.
+        ready: Is called when another run may begin.
+    """
+
+    def __init__(
+        self,
+        who: Participants,
+        conduct: Conduct,
+        deliver: Callable[[RunResult], RunOutcome | None],
+        ready: Callable[[], None],
+    ) -> None:
+        self.ended = asyncio.Event()  # Set when the operator ends the session
+        self._who, self._conduct, self._deliver, self._ready = who, conduct, deliver, ready
+        self._run = _Run(since=time.monotonic())
+        self._before: _Run | None = None
+        self._undelivered: list[_Run] = []
+        self._delivering: asyncio.Task[None] | None = None
+        self._beside: list[asyncio.Task[None]] = []
+        self._bags = 0
+        self._shown = -math.inf
+        self._remarked = ""
+
+    async def follow(self, view: View) -> None:
+        """Return when the run, or the session, is over.
+
+        Args:
+            view: Called a few times per second with the buffer and the wall time [s].
+
+        Raises:
+            GraphError, TimeoutError: It cannot go on.
+        """
+        who, conduct = self._who, self._conduct
+        work = [conduct.keep_reporting()] if conduct.operated else []
+        if who.page is not None:
+            work.append(who.page.keep())
+        if conduct.throughout:
+            work.append(who.supervisor.watch())
+        self._beside = [asyncio.create_task(item) for item in work]
+        try:
+            while not self.ended.is_set():
+                await self._follow_run(view)
+                if self.ended.is_set() or not conduct.operated:
+                    break
+                await self._change_over()
+            if self._delivering is not None:
+                await self._delivering
+        except (GraphError, TimeoutError):
+            conduct.enter(RunPhase.FAILED)
+            raise
+        finally:
+            for task in (*self._beside, *([conduct.reading] if conduct.reading else [])):
+                task.cancel()
+
+    async def _follow_run(self, view: View) -> None:
+        """Follow the present run from waiting for it until every node has dealt with its end."""
+        who, conduct, run = self._who, self._conduct, self._run
+        buffer = who.recorder.buffer
+        begun = asyncio.create_task(conduct.begun())
+        beside = [begun]
+        if not conduct.throughout:
+            beside.append(asyncio.create_task(who.supervisor.watch()))
+        completion: Completion | None = None
+        try:
+            while completion is None or not completion.reached(buffer, time.monotonic()):
+                if self.ended.is_set() or conduct.look():
+                    break
+                for task in filter(
+                    None, (*beside, *self._beside, self._delivering, conduct.reading)
+                ):
+                    if task.done():
+                        task.result()
+                if begun.done() and not run.begun:
+                    run.begun, run.since = True, time.monotonic()
+                    if conduct.operated:
+                        self.tell_outcome(None)
+                end = conduct.end if run.begun else None
+                if end is None:
+                    completion = None
+                elif completion is None:
+                    camera = topics.CAMERA_INFO in who.machine.sensors
+                    completion = Completion(end, camera=camera)
+                self._show(view)
+                await asyncio.sleep(_POLL)
+            self._show(view, now=True)
+        finally:
+            for task in beside:
+                task.cancel()
+        run.over = time.monotonic()
+        if run.begun or not conduct.operated:
+            self._note_end()
+
+    def _show(self, view: View, *, now: bool = False) -> None:
+        if not now and time.monotonic() - self._shown < _VIEW_PERIOD:
+            return
+        self._shown = time.monotonic()
+        shown = self._run if self._run.begun or self._before is None else self._before
+        view(self._who.recorder.buffer, shown.wall_s)
+        remark = self._who.machine.remark()
+        if remark and remark != self._remarked:
+            self._conduct.remark(remark)
+        self._remarked = remark
+
+    def _note_end(self) -> None:
+        """Note why a run is over that supervision has not ended."""
+        t = self._who.recorder.buffer.time
+        cause = self._conduct.early
+        if self.ended.is_set():
+            cause = self._conduct.closed(t)
+        elif self._conduct.end is None:
+            cause = self._conduct.reset(t)
+        if cause is not None:
+            self._who.log.end(cause)
+
+    async def _change_over(self) -> None:
+        """Bring the machine to rest, let the run be delivered, and wait until another may begin."""
+        who, conduct = self._who, self._conduct
+        await who.rest.bring()
+        conduct.enter(RunPhase.OVER)
+        if self._run.begun and who.recorder.buffer.time > 0.0:
+            self._close(conduct.anew)
+            self._delivering = asyncio.create_task(
+                self._deliver_run(self._undelivered[-1], conduct.reading, self._delivering)
+            )
+        self._run = _Run(since=time.monotonic())
+        if conduct.throughout:
+            await conduct.made_ready()
+            return
+        if self._delivering is not None:
+            await self._delivering
+        preparing = asyncio.create_task(conduct.made_ready())
+        ending = asyncio.create_task(self.ended.wait())
+        staying = asyncio.create_task(who.rest.hold(math.inf))
+        try:
+            awaited = [preparing, ending, *self._beside]
+            await asyncio.wait(awaited, return_when=asyncio.FIRST_COMPLETED)
+            for task in (*self._beside, preparing):
+                if task.done():
+                    task.result()
+        finally:
+            for coming in (preparing, ending, staying):
+                coming.cancel()
+        if not self.ended.is_set():
+            self.tell_outcome(None)
+            who.log.begin_run()
+            self._ready()
+
+    def _close(self, cut: tuple[int, float] | None = None) -> None:
+        """Take what the present run leaves."""
+        run, recorder, conduct = self._run, self._who.recorder, self._conduct
+        run.over = run.over or time.monotonic()
+        run.buffer = recorder.buffer.before(None if cut is None else cut[0])
+        if conduct.reading is None or conduct.reading.done():
+            run.wound = dict(conduct.wound)
+        run.ending = self._who.log.ending(self._who.rest.motion)
+        run.folders = tuple(recorder.bags.folders[self._bags :])
+        self._bags += len(run.folders)
+        self._who.log.begin_run()
+        self._undelivered.append(run)
+        self._before = run
+
+    async def _deliver_run(self, run: _Run, *awaited: asyncio.Task[None] | None) -> None:
+        for task in awaited:
+            if task is not None:
+                await task
+        if run not in self._undelivered:
+            return
+        self._undelivered.remove(run)
+        outcome = await asyncio.to_thread(self._deliver, self._result(run))
+        if not self._run.begun:
+            self.tell_outcome(outcome)
+        if not self._conduct.throughout:
+            self._who.report(
+                "the run is over; Reset on the page begins the next, Ctrl-C here ends the session"
+            )
+
+    def remains(self) -> list[RunResult]:
+        """Return, once, what runs leave that were not delivered."""
+        run, operated = self._run, self._conduct.operated
+        # One that was followed to its end is whole although nothing may have moved in it.
+        whole = not operated and run.over is not None
+        if whole or (run.begun and self._who.recorder.buffer.time > 0.0):
+            self._close()
+            self._run = _Run(since=time.monotonic())
+        left, self._undelivered = self._undelivered, []
+        return [self._result(run) for run in left]
+
+    def _result(self, run: _Run) -> RunResult:
+        who = self._who
+        assert run.buffer is not None
+        return RunResult(
+            buffer=run.buffer,
+            wall_s=run.wall_s,
+            ending=run.ending,
+            losses=self._losses(run),
+            wound=run.wound or dict(self._conduct.wound),
+            bags=tuple(folder for folder in run.folders if any(folder.glob("*.mcap"))),
+            limits=None if who.page is None else who.page.limits,
+            simulated=who.machine.simulated,
+            trace=None if who.trace is None else who.trace.since(run.buffer.begun_ns),
+        )
+
+    def _losses(self, run: _Run) -> tuple[str, ...]:
+        recorder = self._who.recorder
+        recording = f"the recording is incomplete: {recorder.error}" if recorder.error else ""
+        gone = (f"the recording {folder} is gone" for folder in run.folders if not folder.exists())
+        return tuple(filter(None, (recording, *gone, *recorder.shortfalls, self._who.log.failure)))
+
+    def tell_outcome(self, outcome: RunOutcome | None) -> None:
+        """Publish the outcome of a run that is over; None once another run begins."""
+        client, t = self._who.client, self._who.machine.t
+        if outcome is None:
+            client.tell(t, Level.OK, OUTCOME_COMPONENT, "no run is over", {})
+            return
+        values = {"verdict": outcome.verdict.value, "sentences": "\n".join(outcome.sentences)}
+        level = _LEVELS.get(outcome.verdict, Level.OK)
+        client.tell(t, level, OUTCOME_COMPONENT, outcome.headline, values)
