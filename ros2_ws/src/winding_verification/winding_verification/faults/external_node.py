@@ -1,16 +1,22 @@
-"""A node from outside the graph, as a process: external_node.py rogue|mismatch|late NAMESPACE."""
+"""A node from outside the graph, as a process: external_node.py NAMESPACE ROLE [WORDS]."""
 
 from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import rclpy
+from rcl_interfaces.srv import SetParameters
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_srvs.srv import Trigger
 
 from winding_ros import topics
+from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import encode_tension
 from winding_ros.messages.stamps import serialised_stamp_ns
 from winding_ros.runtime.process import end_with_supervisor
@@ -18,28 +24,62 @@ from winding_ros.runtime.process import end_with_supervisor
 _RUN_OF_SAMPLES = 100
 
 
-def main(role: str, namespace: str) -> None:
+def main(namespace: str, role: str, *words: str) -> None:
     """Play a role until killed, or until it is played; its first line of output is its report."""
     end_with_supervisor()
     rclpy.init(args=["external", "--ros-args", "-r", f"__ns:=/{namespace}"])
     node = Node(role)
-    {"rogue": _rogue, "mismatch": _mismatch, "late": _late}[role](node)
+    roles: dict[str, Callable[..., None]] = {
+        "rogue": _rogue,
+        "mismatch": _mismatch,
+        "late": _late,
+        "set": _set,
+        "call": _call,
+    }
+    roles[role](node, *words)
 
 
 def _report(text: object) -> None:
     print(text, flush=True)
 
 
-def _rogue(node: Node) -> None:
-    """Publish a second tension; report when the publisher was made, monotonic [s]."""
+def _rogue(node: Node, kind: str = "") -> None:
+    """Publish a second tension, with a bad stamp or cut in two; report when it began [s]."""
     publisher = topics.TENSION.advertise(node)
+    message = encode_tension(1.0e6 if kind == "stamped" else 0.0, 1.0e6)
+    if kind == "truncated":
+        message = message[: len(message) // 2]
     _report(time.monotonic())
-    node.create_timer(0.01, lambda: publisher.publish(encode_tension(0.0, 1.0e6)))
+    node.create_timer(0.01, lambda: publisher.publish(message))
     rclpy.spin(node)
 
 
+def _answer(node: Node, service: type, name: str, request: Any) -> Any:
+    client = node.create_client(service, name)
+    client.wait_for_service()
+    pending = client.call_async(request)
+    rclpy.spin_until_future_complete(node, pending)
+    return pending.result()
+
+
+def _set(node: Node, of: str, name: str, text: str = "") -> None:
+    """Set a parameter of a node; report why it was refused."""
+    value: Any = text
+    with suppress(ValueError):
+        value = float(text)
+    request = SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()])
+    answer = _answer(node, SetParameters, f"{of}/set_parameters", request)
+    _report(answer.results[0].reason or "set")
+
+
+def _call(node: Node, name: str) -> None:
+    """Call a service of the machine; report what it answered."""
+    answer = _answer(node, Trigger, name, Trigger.Request())
+    _report(f"{answer.success} {answer.message}")
+
+
 def _mismatch(node: Node) -> None:
-    """Subscribe with a quality of service that is not offered; report when, monotonic [s]."""
+    """Subscribe with a quality of service that is not offered; report what the machine reports."""
     wanted = QoSProfile(
         depth=1,
         reliability=ReliabilityPolicy.RELIABLE,
@@ -48,8 +88,17 @@ def _mismatch(node: Node) -> None:
     node.create_subscription(
         topics.JOINT_STATES.type, topics.JOINT_STATES.name, lambda _message: None, wanted
     )
-    _report(time.monotonic())
-    rclpy.spin(node)
+    found: list[str] = []
+
+    def look(message: Any) -> None:
+        _, statuses = decode_diagnostics(message)
+        name = f"{topics.RIG}: quality of service"
+        found.extend(status.message for status in statuses if status.name == name)
+
+    topics.DIAGNOSTICS.subscribe(node, look)
+    while not found:
+        rclpy.spin_once(node, timeout_sec=0.1)
+    _report(found[0])
 
 
 def _late(node: Node) -> None:
