@@ -10,9 +10,9 @@ import sys
 import time
 from pathlib import Path
 
+from cell import Cell
 from winding_ros.environment import set_process_environment
 from winding_supervisor.session.domain_lock import domain_lock
-from winding_verification.faults.cell import FaultCell
 
 NAMESPACE = "soak"
 # Simulated time after which the cell begins a new run by itself [s].
@@ -20,7 +20,7 @@ RUN = 20.0
 
 
 async def wind(folder: Path, minutes: float) -> None:
-    cell = FaultCell(folder / "cell", NAMESPACE, identify=True)
+    cell = Cell(folder / "cell", NAMESPACE)
     async with cell.running():
         await cell.winding()
         print("winding", flush=True)

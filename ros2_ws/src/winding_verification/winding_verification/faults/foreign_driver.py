@@ -24,7 +24,7 @@ _SHIFT, _BACK = 0.7, -0.4
 _BURST = 60
 
 
-class Unanswered(Exception):
+class UnansweredError(Exception):
     """A service that is taken and never answered."""
 
 
@@ -76,7 +76,7 @@ class Faults:
         if call.__name__ not in _STOPS or not self.stops:
             return call(request, response)
         if self.stops == "unanswered":
-            raise Unanswered
+            raise UnansweredError
         response.success = self.stops == "ignored"
         response.message = "interlocked"
         return response
@@ -109,7 +109,7 @@ def main(file: str) -> None:
     while True:
         try:
             rclpy.spin_once(driver, timeout_sec=0.1)
-        except Unanswered:
+        except UnansweredError:
             continue
 
 

@@ -42,7 +42,7 @@ _FINISHED = (Verdict.GOOD, Verdict.NOT_GOOD, Verdict.NOT_JUDGED)
 # Samples are on their way to two readers, and a signal to a process [turns].
 _SLACK = 0.03
 # Faults of the last second may come too late to be noticed [s].
-_NOTICED = 1.0
+_NOTICED = 1.5
 _CODES = {Verdict.FAILED: (1,), Verdict.INCOMPLETE: (1, 130)}
 
 
@@ -67,9 +67,7 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
     yield from _motion_disagrees(plan, account, outcome)
     yield from _turns_disagree(account, outcome, verdict)
     yield from _cause_disagrees(account, outcome, put_in)
-    if verdict in _FINISHED and account.code not in (0, 1):
-        yield f"verdict {verdict} and exit code {account.code}"
-    elif account.code not in _CODES.get(verdict, (0, 1)):
+    if account.code not in _CODES.get(verdict, (0, 1)):
         yield f"verdict {verdict} and exit code {account.code}"
     # A disk that takes no more may have cut the terminal's own words.
     for sentence in outcome["sentences"]:
@@ -78,17 +76,12 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
 
 
 def _without_numbers(account: Account, put_in: list[str]) -> Iterator[str]:
-    excused = any(
-        what.startswith("kill orchestrator")
-        or " " in what.removeprefix("signal ")
-        and what.startswith("signal")
-        for what in put_in
-    )
-    notes = account.seen["notes"]
-    moved, ended = account.seen["moved"], notes[-1]["at"]
-    if moved is not None and ended - moved > _NOTICED and account.seen["turns"] > _SLACK:
-        if not excused:
-            yield "there is no run.json of what was wound"
+    # A second signal asks for haste.
+    excused = any(re.match(r"kill orchestrator|signal \w+ \w+", what) for what in put_in)
+    moved, ended = account.seen["moved"], account.seen["notes"][-1]["at"]
+    wound = moved is not None and ended - moved > _NOTICED and account.seen["turns"] > _SLACK
+    if wound and not excused:
+        yield "there is no run.json of what was wound"
     if account.code == 0:
         yield "exit code 0 without run.json"
     if account.code not in (0, 130, -9) and not any(
@@ -141,15 +134,16 @@ def _cause_disagrees(
         return
     if EndedBy(outcome["ended_by"]) is not EndedBy.COMPLETED:
         yield f"{outcome['ended_by']} without a cause"
+    moved = account.seen["moved"]
     for note in account.seen["notes"]:
         what = note["what"]
-        begun = account.seen["moved"] is not None and note["at"] > account.seen["moved"]
-        if what.startswith(_ENDING) and begun and ended - note["at"] > _NOTICED:
-            # A run that was over already may be closing.
-            if note["turns"] < outcome["asked"]["turns"] - 4.0 * _SLACK and not _said(
-                what, outcome["losses"]
-            ):
-                yield f"{what!r} is in no cause and no loss"
+        in_time = moved is not None and moved < note["at"] < ended - _NOTICED
+        # A run that was over already may be closing.
+        under_way = note["turns"] < outcome["asked"]["turns"] - 4.0 * _SLACK
+        if not (what.startswith(_ENDING) and in_time and under_way):
+            continue
+        if not _said(what, outcome["losses"]):
+            yield f"{what!r} is in no cause and no loss"
 
 
 def _said(what: str, losses: list[str]) -> bool:

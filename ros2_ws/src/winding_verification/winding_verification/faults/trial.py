@@ -28,6 +28,8 @@ CASE = 4
 # A start, a run, and everything that a run waits for in its end [s].
 PATIENCE = 240.0
 _POLL = 0.01
+# The last words of a command that has ended are read within [s].
+_READ = 5.0
 _PIPE = asyncio.subprocess.PIPE
 _NULL = asyncio.subprocess.DEVNULL
 # Left of a disk that is full [bytes].
@@ -122,18 +124,21 @@ class Trial:
             try:
                 async with asyncio.timeout(PATIENCE):
                     self.account.code = await self._run.wait()
-                    await beside[0]
             except TimeoutError:
                 self.account.code = None
+            try:
+                # The observer sees the machine as the command has left it.
+                self.account.seen = json.loads(await self._ask_observer(beside[2]))
+                self.account.orphans = self._left()
+                await asyncio.wait({beside[0]}, timeout=_READ)
+                if any(fault.what.startswith("again") for fault in self.plan.faults):
+                    await putting_in
+                if putting_in.done():
+                    putting_in.result()
             finally:
                 for task in (*beside, putting_in):
                     task.cancel()
-            if putting_in.done() and not putting_in.cancelled():
-                putting_in.result()
-            beside[2].cancel()
-            await asyncio.gather(*beside, return_exceptions=True)
-            self.account.orphans = self._left()
-            self.account.seen = json.loads(await self._ask_observer())
+                await asyncio.gather(*beside, putting_in, return_exceptions=True)
         self._collect()
         return self.account
 
@@ -193,7 +198,9 @@ class Trial:
         await self._line(self._observer, "moves")
         self._moved.set_result(time.monotonic())
 
-    async def _ask_observer(self) -> str:
+    async def _ask_observer(self, listening: asyncio.Task[None]) -> str:
+        listening.cancel()
+        await asyncio.wait({listening})
         self._note("ended")
         while not (line := await self._line(self._observer)).startswith("{"):
             pass
@@ -232,13 +239,22 @@ class Trial:
             account.events = read_events(self.folder / "run" / "events.jsonl")
 
     async def _put_in(self) -> None:
-        """Put every fault in when its time has come."""
-        for fault in self.plan.faults:
-            begin = self._began if fault.at < 0.0 else await asyncio.shield(self._moved)
-            await asyncio.sleep(max(0.0, begin + abs(fault.at) - time.monotonic()))
-            word, _, rest = fault.what.partition(" ")
-            self._note(fault.what)
-            await getattr(self, f"_{word}")(rest)
+        """Put every fault in when its time has come; whether one before it has ended or not."""
+        async with asyncio.TaskGroup() as group:
+            for fault in self.plan.faults:
+                group.create_task(self._put(fault))
+
+    async def _put(self, fault: Fault) -> None:
+        begin = self._began if fault.at < 0.0 else await asyncio.shield(self._moved)
+        await asyncio.sleep(max(0.0, begin + abs(fault.at) - time.monotonic()))
+        word, _, rest = fault.what.partition(" ")
+        put = getattr(self, f"_{word}")
+        if word == "role":
+            # A process has to start before it can play one.
+            await put(rest)
+        self._note(fault.what)
+        if word != "role":
+            await put(rest)
 
     async def until(self, reached: Callable[[], Any], what: str) -> Any:
         """Wait until a predicate is true; return its value.
@@ -349,8 +365,8 @@ class Trial:
         """Open connections to the page that ask for nothing; they stay open."""
         (line,) = (line for line in self._lines if "operator's page: " in line)
         port = int(line.partition("127.0.0.1:")[2].partition("/")[0].partition("?")[0])
-        for _ in range(_CONNECTIONS):
+        for _connection in range(_CONNECTIONS):
             with contextlib.suppress(OSError):
-                _, writer = await asyncio.open_connection("127.0.0.1", port)
+                _reader, writer = await asyncio.open_connection("127.0.0.1", port)
                 writer.write(b"GET / HTTP/1.1\r\n")
                 self._stack.callback(writer.close)

@@ -1,18 +1,16 @@
-"""A supervised graph of real processes, made to wind again after every fault."""
+"""A supervised graph of real processes that winds one run after the other."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
 import time
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rcl_interfaces.srv import SetParameters
-from rclpy.parameter import Parameter
 from rclpy.serialization import deserialize_message
 from std_srvs.srv import Trigger
 
@@ -24,7 +22,6 @@ from winding_ros.graph import GRAPH, GraphError, pace_topics
 from winding_ros.messages.rig import decode_joint_state
 from winding_ros.messages.serialised import MessageError
 from winding_supervisor.machines.simulated_machine import SimulatedMachine
-from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.processes.orchestrator import GraphConfig, Orchestrator
 from winding_supervisor.watch.event_log import EventLog
 from winding_supervisor.watch.supervisor import Supervisor, replay_parameters
@@ -36,10 +33,6 @@ _LONG_ENOUGH = 20.0
 _PATIENCE = 60.0
 _POLL = 0.01
 _FULL_SPEED = 1.74 * 0.95
-_UNHURRIED: Mapping[str, Any] = {
-    "stand_timeout": _PATIENCE,
-    "backoff": partial(Backoff, window=1200.0),
-}
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
 
@@ -66,28 +59,15 @@ async def until(reached: Callable[[], Any], what: str, patience: float = _PATIEN
     return value
 
 
-class FaultCell:
-    """The graph in which faults are tried.
+class Cell:
+    """The graph that winds on.
 
     Args:
         directory: New folder of logs and events.
         namespace: Of the graph.
-        identify: Whether the model looks for the cable's modulus while it winds.
-        unhurried: Whether the supervision's limits in seconds are so wide that a computer without
-            a free processor keeps them too.
-
-    Attributes:
-        orchestrator: Its processes.
-        client: The orchestrator's node.
-        recorder: Whose buffer has everything but the pictures.
-        directory: New folder of logs and events.
-        log: What supervision saw and did.
-        supervision: The task that supervises the present run; it fails when the run ends.
     """
 
-    def __init__(
-        self, directory: Path, namespace: str, *, identify: bool = False, unhurried: bool = False
-    ) -> None:
+    def __init__(self, directory: Path, namespace: str) -> None:
         (directory / "log").mkdir(parents=True)
         self.namespace = namespace
         self.directory = directory
@@ -102,13 +82,8 @@ class FaultCell:
         }
         # The buffer's answers never go back in time, and here the rig is started anew.
         paced = [topic.name for topic in pace_topics() if topic is not topics.RECORDER_PROGRESS]
-        parameters[topics.RIG] |= {
-            "inject_faults": True,
-            "pace_topics": ",".join(paced),
-            "supervisor_timeout": 10.0 if unhurried else 1.5,
-        }
-        # An identification at work is no part of any fault, and takes a processor: off by default.
-        parameters[topics.FEM] |= {"update_material": identify}
+        parameters[topics.RIG] |= {"pace_topics": ",".join(paced)}
+        parameters[topics.FEM] |= {"update_material": True}
         self.orchestrator = Orchestrator(
             GraphConfig(
                 namespace=namespace,
@@ -125,7 +100,6 @@ class FaultCell:
             self.recorder.buffer,
             self.log,
             {name: partial(self._replay, name) for name in (topics.FEM, topics.TRACKER)},
-            **(_UNHURRIED if unhurried else {}),
         )
         self.supervision: asyncio.Task[None] | None = None
         self._began = self._begun = 0.0
@@ -135,7 +109,7 @@ class FaultCell:
         return replay_parameters(self.recorder.buffer, file, self._begun)
 
     @asynccontextmanager
-    async def running(self) -> AsyncIterator[FaultCell]:
+    async def running(self) -> AsyncIterator[Cell]:
         """Bring the graph up; stop it at the end."""
         self.client.start()
         try:
@@ -184,40 +158,7 @@ class FaultCell:
         if over or self.rig.values.get("phase") != "winding":
             await self._again()
         await self.until(self.at_full_speed, "full speed")
-        await self.until(self._all_answer, "answers of every node")
         return self.t
-
-    async def went_on(self, t: float) -> bool:
-        """Wait for half a second of simulated time after t [s]; return whether the run goes on."""
-        await self.until(lambda: self.t > t + 0.5, "the run goes on")
-        return self.goes_on()
-
-    async def stop(self, since: float) -> tuple[float, float]:
-        """Wait for an unplanned stop; return when it began and when both axes stood, monotonic [s].
-
-        The machine reports the simulated time from its motors, not from its encoders.
-
-        Args:
-            since: Simulated time before the stop [s].
-        """
-        stood = await self.until(lambda: self.stood(since), "standstill")
-        # Time may have been held before: what counts is the first sample of the stop.
-        return self.arrival(float(self.rig.values["stop_began"]) + 0.001), stood
-
-    async def inject(self, text: str) -> str:
-        """Inject faults, or none; return why they were refused, empty if they were not."""
-        return await self.set_parameter(topics.RIG, "inject_fault", text)
-
-    async def set_parameter(self, node: str, name: str, value: str | float) -> str:
-        """Set a parameter of a node; return why it was refused, empty if it was not."""
-        parameter = Parameter(name, value=value).to_parameter_msg()
-        answer = await self.client.call(
-            SetParameters,
-            f"/{self.namespace}/{node}/set_parameters",
-            SetParameters.Request(parameters=[parameter]),
-            _PATIENCE,
-        )
-        return str(answer.results[0].reason)
 
     async def end_of_run(self) -> str:
         """Wait until supervision ends the run; return the sentence that gives the cause.
@@ -242,23 +183,6 @@ class FaultCell:
         """Return whether the run has not been ended."""
         return self.supervision is not None and not self.supervision.done()
 
-    def arrival(self, t: float) -> float:
-        """Return when the first encoder sample of simulated time t [s] or later came, monotonic."""
-        messages = self.recorder.buffer.messages[topics.JOINT_STATES.name]
-        came = messages[-1].received_ns * 1e-9
-        for message in reversed(messages):
-            if message.stamp_ns * 1e-9 < t - 5.0e-4:
-                break
-            came = message.received_ns * 1e-9
-        return came
-
-    def stood(self, since: float) -> float | None:
-        """Return when both axes stood after a stop after `since` [s]; None if not known."""
-        moment = self.rig.values.get("stood_at")
-        if moment is None or float(moment) < since:
-            return None
-        return self.arrival(float(moment))
-
     @property
     def speed(self) -> float:
         """Measured speed of the cylinder [rad/s]."""
@@ -273,13 +197,6 @@ class FaultCell:
             # The newest message may be the fault itself.
             return 0.0
         return reading.angular_speed
-
-    def _all_answer(self) -> bool:
-        return all(
-            self.recorder.buffer.last_stamp(spec.answer) > self.t - 0.2
-            for spec in GRAPH
-            if spec.answer is not None
-        )
 
     async def _unsupervised(self) -> None:
         if self.supervision is not None:
@@ -302,7 +219,6 @@ class FaultCell:
         if dead:
             await self.orchestrator.rematch(dead)
         if topics.RIG not in dead:
-            await self.inject("")
             await self._command("rig/quick_stop")
             await self.until(
                 lambda: self.rig.values.get("phase") not in ("winding", "stopping"),
