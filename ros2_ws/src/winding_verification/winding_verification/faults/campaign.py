@@ -118,13 +118,14 @@ def judge(row: Row | Plan, account: Account) -> Outcome:
     """Return whether a run came out as it had to, and as the observer saw it."""
     plan = row.plan if isinstance(row, Row) else row
     wrong = disagreements(plan, account)
-    came_out = f"exit code {account.code}"
+    came_out = "no run.json"
     if account.run is not None:
         outcome = account.run["outcome"]
-        cause = outcome["cause"] or {"source": "no cause"}
-        came_out = (
-            f"{outcome['verdict']}: {outcome['ended_by']}, {cause['source']}, {outcome['machine']}"
-        )
+        cause = (outcome["cause"] or {"source": "no cause"})["source"]
+        came_out = f"{outcome['verdict']}: {outcome['ended_by']}, {cause}, {outcome['machine']}"
+        came_out += f", {outcome['done']['turns']:.2f} turns"
+    seen = account.seen
+    came_out += f"; exit code {account.code}; seen {seen['motion']}, {seen['turns']:.2f} turns"
     if not isinstance(row, Row):
         return _outcome(row, came_out, wrong)
     wrong += _mismatches(row, account)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 import time
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
+from winding_core.status import OUTCOME_COMPONENT, Level, Status
 from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import encode_tension
@@ -35,6 +37,7 @@ def main(namespace: str, role: str, *words: str) -> None:
         "late": _late,
         "set": _set,
         "call": _call,
+        "outcome": _outcome,
     }
     roles[role](node, *words)
 
@@ -88,17 +91,31 @@ def _mismatch(node: Node) -> None:
     node.create_subscription(
         topics.JOINT_STATES.type, topics.JOINT_STATES.name, lambda _message: None, wanted
     )
-    found: list[str] = []
+    _report(_diagnostics(node, f"{topics.RIG}: quality of service", Level.ERROR).message)
+
+
+def _outcome(node: Node) -> None:
+    """Report the sentences of the outcome that the operator's page is given."""
+    while True:
+        values = _diagnostics(node, f"{topics.ORCHESTRATOR}: {OUTCOME_COMPONENT}").values
+        if "sentences" in values:
+            _report(json.dumps(values["sentences"].splitlines()))
+            return
+
+
+def _diagnostics(node: Node, name: str, level: Level = Level.OK) -> Status:
+    """Wait for the next status of a name, of a level or above."""
+    found: list[Status] = []
 
     def look(message: Any) -> None:
         _, statuses = decode_diagnostics(message)
-        name = f"{topics.RIG}: quality of service"
-        found.extend(status.message for status in statuses if status.name == name)
+        found.extend(item for item in statuses if item.name == name and item.level >= level)
 
-    topics.DIAGNOSTICS.subscribe(node, look)
+    subscription = topics.DIAGNOSTICS.subscribe(node, look)
     while not found:
         rclpy.spin_once(node, timeout_sec=0.1)
-    _report(found[0])
+    node.destroy_subscription(subscription)
+    return found[0]
 
 
 def _late(node: Node) -> None:

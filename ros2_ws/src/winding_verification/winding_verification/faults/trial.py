@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -162,6 +163,8 @@ class Trial:
             stdout=_PIPE,
             stderr=None if supervised else asyncio.subprocess.STDOUT,
             start_new_session=not supervised,
+            # A shell's background commands ignore it, and so would this one.
+            preexec_fn=partial(signal.signal, signal.SIGINT, signal.SIG_DFL),
             limit=2**22,
         )
 
@@ -223,6 +226,7 @@ class Trial:
     def _collect(self) -> None:
         account = self.account
         account.printed = "".join(self._lines)
+        (self.folder / "terminal.txt").write_text(account.printed, encoding="utf-8")
         files = [self.folder / "run" / "run.json"]
         # A full disk has its numbers elsewhere.
         for line in account.printed.splitlines():
@@ -360,6 +364,11 @@ class Trial:
         """Press Start of the operator's page as soon as it is served."""
         await self.until(lambda: "operator's page: " in "".join(self._lines), "the page")
         await self._role("call rig/start")
+
+    async def _hear(self, _: str) -> None:
+        """Keep the outcome that the page is given, and end the session then."""
+        await self._role("outcome")
+        self._run.send_signal(signal.SIGINT)
 
     async def _flood(self, _: str) -> None:
         """Open connections to the page that ask for nothing; they stay open."""
