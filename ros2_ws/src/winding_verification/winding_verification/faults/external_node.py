@@ -27,7 +27,7 @@ _RUN_OF_SAMPLES = 100
 
 
 def main(namespace: str, role: str, *words: str) -> None:
-    """Play a role until killed, or until it is played; its first line of output is its report."""
+    """Play a role from the first line of input on; the first line of output is its report."""
     end_with_supervisor()
     rclpy.init(args=["external", "--ros-args", "-r", f"__ns:=/{namespace}"])
     node = Node(role)
@@ -39,6 +39,7 @@ def main(namespace: str, role: str, *words: str) -> None:
         "call": _call,
         "outcome": _outcome,
     }
+    sys.stdin.readline()
     roles[role](node, *words)
 
 

@@ -22,6 +22,8 @@ from sensor_msgs.msg import JointState
 
 # The axes stand when the cylinder turns by less [rad] within so long [s].
 _STILL, _LOOK = 0.01, 0.3
+# No cylinder turns so far between two samples [rad].
+_JUMP = 0.5
 # Nothing is known of a machine that is silent for so long [s].
 _SILENT = 0.6
 
@@ -32,6 +34,7 @@ class Observer:
     def __init__(self) -> None:
         self.first: float | None = None  # Where the cylinder stood at first [rad]
         self.angle = self.farthest = 0.0  # [rad]
+        self.way = 0.0  # Turned without what the encoder has jumped [rad]
         self.recent: deque[tuple[float, float]] = deque()  # Arrival [s], angle [rad]
         self.moved: float | None = None  # When it began to, monotonic [s]
         self.notes: list[dict[str, Any]] = []
@@ -45,12 +48,14 @@ class Observer:
         now = time.monotonic()
         with self.lock:
             self.first = place if self.first is None else self.first
-            self.angle = place - self.first
+            step = place - self.first - self.angle
+            self.way += step if abs(step) < _JUMP else 0.0
+            self.angle += step
             self.farthest = max(self.farthest, self.angle)
             self.recent.append((now, place))
             while self.recent[0][0] < now - _LOOK:
                 self.recent.popleft()
-            if self.moved is None and self.angle > _STILL:
+            if self.moved is None and self.way > _STILL:
                 self.moved = now
                 print("moves", flush=True)
 

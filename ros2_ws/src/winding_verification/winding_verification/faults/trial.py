@@ -249,16 +249,15 @@ class Trial:
                 group.create_task(self._put(fault))
 
     async def _put(self, fault: Fault) -> None:
-        begin = self._began if fault.at < 0.0 else await asyncio.shield(self._moved)
-        await asyncio.sleep(max(0.0, begin + abs(fault.at) - time.monotonic()))
         word, _, rest = fault.what.partition(" ")
         put = getattr(self, f"_{word}")
         if word == "role":
             # A process has to start before it can play one.
-            await put(rest)
+            put = partial(self._role, player=await self._player(rest))
+        begin = self._began if fault.at < 0.0 else await asyncio.shield(self._moved)
+        await asyncio.sleep(max(0.0, begin + abs(fault.at) - time.monotonic()))
         self._note(fault.what)
-        if word != "role":
-            await put(rest)
+        await put(rest)
 
     async def until(self, reached: Callable[[], Any], what: str) -> Any:
         """Wait until a predicate is true; return its value.
@@ -328,10 +327,16 @@ class Trial:
                 self._run.send_signal(signal.Signals[f"SIG{name}"])
             await asyncio.sleep(0.3)
 
-    async def _role(self, words: str) -> None:
+    async def _player(self, words: str) -> asyncio.subprocess.Process:
+        """Return a process from outside the graph that waits to play a role."""
+        return await self._python("-m", external_node.__name__, self.namespace, *words.split())
+
+    async def _role(self, words: str, player: asyncio.subprocess.Process | None = None) -> None:
         """Let a process from outside the graph play a role; keep the line that it reports."""
-        process = await self._python("-m", external_node.__name__, self.namespace, *words.split())
-        self.account.answers.append(await self._line(process))
+        player = player or await self._player(words)
+        assert player.stdin is not None
+        player.stdin.write(b"play\n")
+        self.account.answers.append(await self._line(player))
 
     async def _again(self, rest: str) -> None:
         """Run another graph, in this namespace or in another; keep how it ended."""
