@@ -46,11 +46,11 @@ def _fault(draw: random.Random, foreign: bool, duration: float) -> Fault:
     own = f"machine {draw.choice(_MACHINE)}"
     if not foreign:
         # Its parameters are there when its node is.
-        own, at_own = f"role set winding_rig inject_fault {draw.choice(_INJECTED)}", abs(at)
-        at = at_own if own and draw.random() < 0.4 else at
+        own = f"role set winding_rig inject_fault {draw.choice(_INJECTED)}"
     kinds = (
         (f"kill {node}", 3),
-        (f"hold {node}", 2),
+        # A node that is held while it starts is waited for two minutes.
+        (f"hold {node}", 2 if at >= 0.0 else 0),
         (f"hold {node} {draw.uniform(0.1, 2.0):.2f}", 1),
         (f"hold orchestrator {draw.uniform(0.1, 2.5):.2f}", 1),
         (own, 5 if foreign or at >= 0.0 else 0),
