@@ -117,7 +117,7 @@ def row(**changed: Any) -> Row:
         ({"source": "correction"}, "first cause of cable_fem instead of correction"),
         ({"source": ""}, "first cause of cable_fem instead of none"),
         ({"machine": "turning"}, "machine standing instead of turning"),
-        ({"said": ("exit code -9", "restarted")}, "nothing is reported of 'restarted'"),
+        ({"reported": ("exit code -9", "restarted")}, "nothing is reported of 'restarted'"),
         # It was never detected: no second is left out of the judgement.
         ({"within": 0.3}, "detected after - instead of 0.3 s"),
     ],

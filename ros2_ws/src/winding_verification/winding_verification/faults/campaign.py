@@ -24,11 +24,11 @@ STAND_WITHIN = 0.5
 class Row:
     """A run with faults, and how it has to come out."""
 
-    plan: Plan
+    plan: Plan  # What is tried
     ended_by: str = ""  # Pattern of who ends it; empty where nothing is left to tell
     source: str = ""  # Pattern of the source of the first cause; empty for none
     machine: str = "standing"  # Where the machine is left
-    said: tuple[str, ...] = ()  # Patterns of what is reported, by the run or about it
+    reported: tuple[str, ...] = ()  # Patterns of what is reported, by the run or about it
     within: float | None = None  # Limit of the time from the first fault to its detection [s]
 
     @property
@@ -39,7 +39,7 @@ class Row:
 
 def _row(
     *, name: str, faults: list[str], foreign: bool = False, options: Iterable[str] = (),
-    duration: float = 3.0, said: Iterable[str] = (), **expected: object,
+    duration: float = 3.0, reported: Iterable[str] = (), **expected: object,
 ) -> Row:  # fmt: skip
     put_in = [Fault(at=float(at), what=what) for at, _, what in (f.partition(" ") for f in faults)]
     plan = Plan(
@@ -49,7 +49,7 @@ def _row(
         options=tuple(options),
         duration=duration,
     )
-    return Row(plan=plan, said=tuple(said), **expected)  # type: ignore[arg-type]
+    return Row(plan=plan, reported=tuple(reported), **expected)  # type: ignore[arg-type]
 
 
 ROWS = tuple(
@@ -64,7 +64,7 @@ ROWS = tuple(
 class Outcome:
     """What became of a run with faults."""
 
-    name: str
+    name: str  # Of its row, or `seed.number`
     put_in: str  # The faults
     expected: str  # How it had to come out; empty where only the observer judges
     came_out: str  # Who ended it, the first cause, the machine
@@ -176,9 +176,9 @@ def _mismatches(row: Row, account: Account) -> Iterator[str]:
         if not re.fullmatch(wanted, found):
             yield f"{what} {found or 'none'} instead of {wanted or 'none'}"
     events = [f"{event.what} {event.node} {event.text}" for event in account.events]
-    reported = "\n".join([*outcome["sentences"], *events, *account.answers])
-    for pattern in row.said:
-        if not re.search(pattern, reported):
+    everything = "\n".join([*outcome["sentences"], *events, *account.answers])
+    for pattern in row.reported:
+        if not re.search(pattern, everything):
             yield f"nothing is reported of {pattern!r}"
 
 

@@ -29,7 +29,7 @@ class UnansweredError(Exception):
 
 
 class _Publisher:
-    """Publishes what a faulty machine says of itself."""
+    """Publishes what a faulty machine reports of itself."""
 
     def __init__(self, publisher: Any, faults: Faults) -> None:
         self._publisher, self._faults = publisher, faults
@@ -72,7 +72,11 @@ class Faults:
             self.stops = words.removeprefix("stops ")
 
     def serve(self, call: Any, request: Any, response: Any) -> Any:
-        """Serve a request as well as the machine still can."""
+        """Serve a request as well as the machine still can.
+
+        Raises:
+            UnansweredError: It never gets an answer.
+        """
         if call.__name__ not in _STOPS or not self.stops:
             return call(request, response)
         if self.stops == "unanswered":

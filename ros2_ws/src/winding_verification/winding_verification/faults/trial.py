@@ -57,7 +57,7 @@ class Fault:
 class Plan:
     """A run that is to be tried."""
 
-    name: str
+    name: str  # Of its row, or `seed.number`
     faults: tuple[Fault, ...] = ()  # In their order
     foreign: bool = False  # Whether the machine is the driver of examples/
     options: tuple[str, ...] = ()  # Of `winding run`, further ones
