@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rich.box import SIMPLE_HEAD
 
 from winding_cli.terminal.console import Shown, record_table, result_console
-from winding_cli.terminal.output_path import staged
+from winding_cli.terminal.output_path import staging
 from winding_cli.terminal.refusal import FAILED, complain, refuse
 from winding_core.cable.condition import Condition
 from winding_core.parameters import Value, build, declarations
@@ -223,9 +223,9 @@ def write(
     from winding_reports.records.run_record import write_run_json
     from winding_reports.run_report.report import write_report
 
-    with staged(json) as place:
+    with staging(json) as place:
         write_run_json(record, place)
-    with staged(report) as place:
+    with staging(report) as place:
         page = report / write_report(record, place).name
     files = [("report", page), ("numbers", json), *(("bag", bag) for bag in bags)]
     if trace is not None and result is not None:
@@ -240,7 +240,7 @@ def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
 
     assert record.trace is not None
     assert result.trace is not None
-    with staged(path) as place:
+    with staging(path) as place:
         write_chrome_trace(record.trace, result.trace, place)
 
 
