@@ -158,7 +158,7 @@ def test_a_row_that_raises_has_failed_and_the_next_is_tried(
         return account()
 
     monkeypatch.setattr(Trial, "conduct", conduct)
-    rows = [Plan(name="broken"), PLAN]
+    rows = [Row(plan=Plan(name="broken")), Row(plan=PLAN)]
     reported: list[Outcome] = []
     asyncio.run(try_rows(rows, tmp_path, tmp_path / "driver.py", reported.append))
     assert [outcome.passed for outcome in reported] == [False, True]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import AsyncExitStack
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -42,23 +42,21 @@ def faults(
     from winding_verification.faults.random_plans import draw_plans
 
     check_output_file(json, "--json", force=force)
-    rows: list[Any] = (
+    rows: list[campaign.Row] = (
         [row for row in campaign.ROWS if (only or "") in row.plan.name]
         if random is None
-        else draw_plans(random, seed)
+        else [campaign.Row(plan=plan) for plan in draw_plans(random, seed)]
     )
     if not rows:
         refuse(f"no row of the fault table contains {only!r}")
-    foreign = [getattr(row, "plan", row).foreign for row in rows]
-    if any(foreign) and not driver.is_file():
+    if any(row.plan.foreign for row in rows) and not driver.is_file():
         refuse(f"--driver: there is no file {driver}")
 
-    async def work(_stack: AsyncExitStack, _interruption: Interruption) -> list[Any]:
-        report = typer.echo
-        outcomes: list[Any] = await campaign.try_rows(
-            rows, place.folder, driver.absolute(), lambda outcome: report(outcome.line, err=True)
-        )
-        return outcomes
+    async def work(_stack: AsyncExitStack, _interruption: Interruption) -> list[campaign.Outcome]:
+        def report(outcome: campaign.Outcome) -> None:
+            typer.echo(outcome.line, err=True)
+
+        return await campaign.try_rows(rows, place.folder, driver.absolute(), report)
 
     with joined(domain) as place:
         outcomes = run_closing(work)

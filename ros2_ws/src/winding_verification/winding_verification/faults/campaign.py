@@ -25,7 +25,8 @@ class Row:
     """A run with faults, and how it has to come out."""
 
     plan: Plan  # What is tried
-    ended_by: str = ""  # Pattern of who ends it; empty where nothing is left to tell
+    # Pattern of who ends it; empty where nothing is left to tell, None where the observer judges
+    ended_by: str | None = None
     source: str = ""  # Pattern of the source of the first cause; empty for none
     machine: str = "standing"  # Where the machine is left
     reported: tuple[str, ...] = ()  # Patterns of what is reported, by the run or about it
@@ -34,6 +35,8 @@ class Row:
     @property
     def expected(self) -> str:
         """How it has to come out, in words."""
+        if self.ended_by is None:
+            return ""
         return f"{self.ended_by or 'nothing left'}, {self.source or 'no cause'}, {self.machine}"
 
 
@@ -64,13 +67,10 @@ ROWS = tuple(
 class Outcome:
     """What became of a run with faults."""
 
-    name: str  # Of its row, or `seed.number`
-    put_in: str  # The faults
-    expected: str  # How it had to come out; empty where only the observer judges
-    came_out: str  # Who ended it, the first cause, the machine
+    row: Row  # What was tried
+    came_out: str = ""  # Who ended it, the first cause, the machine; what the observer saw
     disagreements: tuple[str, ...]  # A sentence each
     detected_after: float | None = None  # Wall time from the first fault to its detection [s]
-    detect_within: float | None = None  # Its limit [s]
     stood_after: float | None = None  # Wall time from the detection to standstill [s]
 
     @property
@@ -80,82 +80,71 @@ class Outcome:
 
     @property
     def line(self) -> str:
-        """The outcome in a line."""
+        """The outcome in a line, and a further one for each disagreement."""
         word = "ok    " if self.passed else "FAILED"
         wrong = "".join(f"\n        {sentence}" for sentence in self.disagreements)
-        return f"{word}  {self.name}: {self.put_in} -> {self.came_out}{wrong}"
+        return f"{word}  {self.row.plan.name}: {self.row.plan.put_in} -> {self.came_out}{wrong}"
 
     def as_record(self) -> dict[str, object]:
         """Return JSON values."""
-        return {**self.__dict__, "disagreements": list(self.disagreements), "passed": self.passed}
+        return {
+            "name": self.row.plan.name,
+            "put_in": self.row.plan.put_in,
+            "expected": self.row.expected,
+            "came_out": self.came_out,
+            "disagreements": list(self.disagreements),
+            "detected_after": self.detected_after,
+            "detect_within": self.row.within,
+            "stood_after": self.stood_after,
+            "passed": self.passed,
+        }
 
 
 async def try_rows(
-    rows: Iterable[Row | Plan], folder: Path, driver: Path, report: Callable[[Outcome], None]
+    rows: Iterable[Row], folder: Path, driver: Path, report: Callable[[Outcome], None]
 ) -> list[Outcome]:
     """Try runs one after the other; what raises has failed.
 
     Args:
-        rows: Runs that have to come out in a certain way, or to agree with the observer alone.
+        rows: Runs.
         folder: Existing folder for their files.
         driver: Of a foreign machine.
         report: Receives each outcome as soon as it is known.
     """
     outcomes = []
     for number, row in enumerate(rows, 1):
-        plan = row.plan if isinstance(row, Row) else row
-        trial = Trial(plan, folder / f"{number}", f"faults{number}", driver)
+        trial = Trial(row.plan, folder / f"{number}", f"faults{number}", driver)
         try:
             outcome = judge(row, await trial.conduct())
         except Exception as error:  # noqa: BLE001 - whatever fails, the rows after it are tried
-            outcome = _outcome(row, "", [f"the row failed: {error!r}"])
+            outcome = Outcome(row=row, disagreements=(f"the row failed: {error!r}",))
         report(outcome)
         outcomes.append(outcome)
     return outcomes
 
 
-def judge(row: Row | Plan, account: Account) -> Outcome:
+def judge(row: Row, account: Account) -> Outcome:
     """Return whether a run came out as it had to, and as the observer saw it."""
-    plan = row.plan if isinstance(row, Row) else row
-    wrong = disagreements(plan, account)
-    came_out = "no run.json"
+    wrong = disagreements(row.plan, account)
+    detected, stood = _times(account)
+    if row.ended_by is not None:
+        wrong += _mismatches(row, account)
+        if row.within is not None and (detected is None or detected > row.within):
+            wrong.append(f"detected after {_seconds(detected)} instead of {row.within:g} s")
+        if stood is not None and stood > STAND_WITHIN:
+            wrong.append(f"stood {_seconds(stood)} after detection instead of {STAND_WITHIN:g} s")
+    came_out, seen = "no run.json", account.seen
     if account.run is not None:
         outcome = account.run["outcome"]
         cause = (outcome["cause"] or {"source": "no cause"})["source"]
         came_out = f"{outcome['verdict']}: {outcome['ended_by']}, {cause}, {outcome['machine']}"
         came_out += f", {outcome['done']['turns']:.2f} turns"
-    seen = account.seen
     came_out += f"; exit code {account.code}; seen {seen['motion']}, {seen['turns']:.2f} turns"
-    if not isinstance(row, Row):
-        return _outcome(row, came_out, wrong)
-    wrong += _mismatches(row, account)
-    detected, stood = _times(account)
-    if row.within is not None and (detected is None or detected > row.within):
-        wrong.append(f"detected after {_seconds(detected)} instead of {row.within:g} s")
-    if stood is not None and stood > STAND_WITHIN:
-        wrong.append(f"stood {_seconds(stood)} after the detection instead of {STAND_WITHIN:g} s")
-    return _outcome(row, came_out, wrong, detected, stood)
-
-
-def _outcome(
-    row: Row | Plan,
-    came_out: str,
-    wrong: Iterable[str],
-    detected: float | None = None,
-    stood: float | None = None,
-) -> Outcome:
-    plan, expected, within = row, "", None
-    if isinstance(row, Row):
-        plan, expected, within = row.plan, row.expected, row.within
-    assert isinstance(plan, Plan)
     return Outcome(
-        name=plan.name,
-        put_in="; ".join(map(str, plan.faults)) or "nothing",
-        expected=expected,
+        row=row,
         came_out=came_out,
         disagreements=tuple(wrong),
         detected_after=detected,
-        detect_within=within,
         stood_after=stood,
     )
 
@@ -199,9 +188,10 @@ def show(outcomes: Iterable[Outcome], console: Console) -> None:
     columns = ("fault", "expected", "came out", "detected after s", "bar", "standstill s", "agrees")
     table = Table(*columns)
     for item in outcomes:
-        seconds = (item.detected_after, item.detect_within, item.stood_after)
+        seconds = (item.detected_after, item.row.within, item.stood_after)
         agrees = "yes" if item.passed else "; ".join(item.disagreements)
-        table.add_row(item.name, item.expected, item.came_out, *map(_seconds, seconds), agrees)
+        name, expected = item.row.plan.name, item.row.expected
+        table.add_row(name, expected, item.came_out, *map(_seconds, seconds), agrees)
     console.print(table)
     passed = sum(outcome.passed for outcome in outcomes)
     console.print(f"{passed} of {len(outcomes)} runs came out as they had to")

@@ -33,8 +33,8 @@ _POLL = 0.01
 _READ = 5.0
 _PIPE = asyncio.subprocess.PIPE
 _NULL = asyncio.subprocess.DEVNULL
-# Left of a disk that is full [bytes].
-_FULL = 4096
+# No file of a command whose disk is full grows beyond [bytes].
+_FULL = 200_000
 _CONNECTIONS = 400
 
 
@@ -62,6 +62,11 @@ class Plan:
     foreign: bool = False  # Whether the machine is the driver of examples/
     options: tuple[str, ...] = ()  # Of `winding run`, further ones
     duration: float = 3.0  # Of the winding [s]
+
+    @property
+    def put_in(self) -> str:
+        """The faults in words."""
+        return "; ".join(map(str, self.faults)) or "nothing"
 
 
 @dataclass(kw_only=True)
