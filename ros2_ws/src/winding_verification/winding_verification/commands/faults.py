@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.terminal.console import result_console
 from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.refusal import FAILED, refuse
 from winding_cli.terminal.ros_environment import joined
@@ -60,8 +59,9 @@ def faults(
 
     with joined(domain) as place:
         outcomes = run_closing(work)
-    campaign.show(outcomes, result_console())
+    passed = sum(outcome.passed for outcome in outcomes)
+    typer.echo(f"{passed} of {len(outcomes)} runs came out as they had to")
     if json is not None:
         write_json(json, [outcome.as_record() for outcome in outcomes])
-    if not all(outcome.passed for outcome in outcomes):
+    if passed < len(outcomes):
         raise typer.Exit(FAILED)

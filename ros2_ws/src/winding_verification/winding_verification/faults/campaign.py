@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from rich.console import Console
-from rich.table import Table
-
 from winding_core.run_outcome import EndedBy
 from winding_verification.faults.judgement import disagreements
 from winding_verification.faults.trial import Account, Fault, Plan, Trial
@@ -82,8 +79,13 @@ class Outcome:
     def line(self) -> str:
         """The outcome in a line, and a further one for each disagreement."""
         word = "ok    " if self.passed else "FAILED"
+        seconds = ""
+        if self.row.within is not None:
+            seconds = f"; detected after {_seconds(self.detected_after)} ({self.row.within:g})"
+            seconds += f", stood {_seconds(self.stood_after)} later ({STAND_WITHIN:g})"
         wrong = "".join(f"\n        {sentence}" for sentence in self.disagreements)
-        return f"{word}  {self.row.plan.name}: {self.row.plan.put_in} -> {self.came_out}{wrong}"
+        name, put_in = self.row.plan.name, self.row.plan.put_in
+        return f"{word}  {name}: {put_in} -> {self.came_out}{seconds}{wrong}"
 
     def as_record(self) -> dict[str, object]:
         """Return JSON values."""
@@ -182,20 +184,5 @@ def _times(account: Account) -> tuple[float | None, float | None]:
     return detected - begun[0], None if stood is None else max(0.0, stood - detected)
 
 
-def show(outcomes: Iterable[Outcome], console: Console) -> None:
-    """Print the table, and how many agree."""
-    outcomes = list(outcomes)
-    columns = ("fault", "expected", "came out", "detected after s", "bar", "standstill s", "agrees")
-    table = Table(*columns)
-    for item in outcomes:
-        seconds = (item.detected_after, item.row.within, item.stood_after)
-        agrees = "yes" if item.passed else "; ".join(item.disagreements)
-        name, expected = item.row.plan.name, item.row.expected
-        table.add_row(name, expected, item.came_out, *map(_seconds, seconds), agrees)
-    console.print(table)
-    passed = sum(outcome.passed for outcome in outcomes)
-    console.print(f"{passed} of {len(outcomes)} runs came out as they had to")
-
-
 def _seconds(value: float | None) -> str:
-    return "-" if value is None else f"{value:.3f}"
+    return "-" if value is None else f"{value:.3f} s"

@@ -145,12 +145,9 @@ def _cause_disagrees(
         under_way = note["turns"] < outcome["asked"]["turns"] - 4.0 * _SLACK
         if not (what.startswith(_ENDING) and in_time and under_way):
             continue
-        if not _lost(what, outcome["losses"]):
+        lost = what.startswith("machine ") and any("rig/" in loss for loss in outcome["losses"])
+        if not lost:
             yield f"{what!r} is in no cause and no loss"
-
-
-def _lost(what: str, losses: list[str]) -> bool:
-    return what.startswith("machine ") and any("rig/" in loss for loss in losses)
 
 
 def _matches(what: str, text: str) -> bool:

@@ -6,12 +6,12 @@ import asyncio
 import contextlib
 import json
 import os
+import re
 import resource
 import shutil
 import signal
 import sys
 import time
-from collections.abc import Callable
 from contextlib import AsyncExitStack
 from dataclasses import dataclass, field
 from functools import partial
@@ -182,12 +182,12 @@ class Trial:
         return process
 
     async def _line(self, process: asyncio.subprocess.Process, wanted: str = "") -> str:
-        """Return the next line of a process, or the next that is wanted."""
+        """Return the next line of a process that begins as wanted."""
         assert process.stdout is not None
         async with asyncio.timeout(PATIENCE):
             while data := await process.stdout.readline():
                 line = data.decode().strip()
-                if not wanted or line == wanted:
+                if line.startswith(wanted):
                     return line
         raise TrialError(f"a process ended before its line {wanted!r}")
 
@@ -210,9 +210,7 @@ class Trial:
         listening.cancel()
         await asyncio.wait({listening})
         self._note("ended")
-        while not (line := await self._line(self._observer)).startswith("{"):
-            pass
-        return line
+        return await self._line(self._observer, "{")
 
     def _note(self, words: str) -> None:
         assert self._observer.stdin is not None
@@ -234,13 +232,9 @@ class Trial:
         (self.folder / "terminal.txt").write_text(account.printed, encoding="utf-8")
         files = [self.folder / "run" / "run.json"]
         # A full disk has its numbers elsewhere.
-        for line in account.printed.splitlines():
-            place = Path(line.rpartition("numbers: ")[2])
-            if "numbers: " in line and place.parent.name.startswith("winding-run-"):
-                files.append(place)
-        for file in files:
-            if file.is_file():
-                account.run = json.loads(file.read_text(encoding="utf-8"))
+        files += map(Path, re.findall(r"numbers: (\S*/winding-run-\S+)", account.printed))
+        for file in filter(Path.is_file, files):
+            account.run = json.loads(file.read_text(encoding="utf-8"))
         for file in files[1:]:
             shutil.rmtree(file.parent, ignore_errors=True)
         # Its last line may be cut where the disk was full.
@@ -263,19 +257,6 @@ class Trial:
         await asyncio.sleep(max(0.0, begin + abs(fault.at) - time.monotonic()))
         self._note(fault.what)
         await put(rest)
-
-    async def until(self, reached: Callable[[], Any], what: str) -> Any:
-        """Wait until a predicate is true; return its value.
-
-        Raises:
-            TrialError: It does not become true in time.
-        """
-        end = time.monotonic() + PATIENCE
-        while not (value := reached()):
-            if time.monotonic() > end:
-                raise TrialError(f"not within {PATIENCE:g} s: {what}")
-            await asyncio.sleep(_POLL)
-        return value
 
     def _pids(self, name: str) -> list[int]:
         """Return the processes of a name: a node, `orchestrator` or `driver`."""
@@ -359,9 +340,8 @@ class Trial:
         """Kill a node and hold its successor while it starts."""
         lost = self._pids(name)
         await self._kill(name)
-        found = await self.until(
-            lambda: [pid for pid in self._pids(name) if pid not in lost], "a successor"
-        )
+        while not (found := [pid for pid in self._pids(name) if pid not in lost]):
+            await asyncio.sleep(_POLL)
         os.kill(found[0], signal.SIGSTOP)
 
     async def _whenever(self, name: str) -> None:
@@ -372,7 +352,8 @@ class Trial:
 
     async def _start(self, _: str) -> None:
         """Press Start of the operator's page as soon as it is served."""
-        await self.until(lambda: "operator's page: " in "".join(self._lines), "the page")
+        while "operator's page: " not in "".join(self._lines):
+            await asyncio.sleep(_POLL)
         await self._role("call rig/start")
 
     async def _hear(self, _: str) -> None:
