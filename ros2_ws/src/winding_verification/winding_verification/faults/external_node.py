@@ -77,9 +77,10 @@ def _set(node: Node, of: str, name: str, text: str = "") -> None:
 
 
 def _call(node: Node, name: str) -> None:
-    """Call a service of the machine; report what it answered."""
-    answer = _answer(node, Trigger, name, Trigger.Request())
-    _report(f"{answer.success} {answer.message}")
+    """Call a service of the machine until it takes it, as it does no reset while it moves."""
+    while not (answer := _answer(node, Trigger, name, Trigger.Request())).success:
+        time.sleep(0.1)
+    _report(answer.message)
 
 
 def _mismatch(node: Node) -> None:
