@@ -46,7 +46,8 @@ _FINISHED = (Verdict.GOOD, Verdict.NOT_GOOD, Verdict.NOT_JUDGED)
 _SLACK = 0.03
 # Faults of the last second may come too late to be noticed [s].
 _NOTICED = 1.5
-_CODES = {Verdict.FAILED: (1,), Verdict.INCOMPLETE: (1, 130)}
+# Exit codes of runs that have not failed, by who ended them.
+_CODES = {EndedBy.SIGNAL: (1, 130)}
 
 
 def disagreements(plan: Plan, account: Account) -> list[str]:
@@ -70,7 +71,8 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
     yield from _motion_disagrees(plan, account, outcome)
     yield from _turns_disagree(account, outcome, verdict)
     yield from _cause_disagrees(account, outcome, put_in)
-    if account.code not in _CODES.get(verdict, (0, 1)):
+    codes = _CODES.get(EndedBy(outcome["ended_by"]), (0, 1))
+    if account.code not in ((1,) if verdict is Verdict.FAILED else codes):
         yield f"verdict {verdict} and exit code {account.code}"
     # A disk that takes no more may have cut the terminal's own words.
     for sentence in outcome["sentences"]:
