@@ -100,7 +100,7 @@ KINDS = {
     ),
     "the end on the page": Kind(faults=PAGE, sentence="^completed: ", **OPERATED),
     "a stop by the operator": Kind(
-        faults=(*PAGE, "0.8 role call rig/stop", "4.0 role call rig/reset"), duration=8.0,
+        faults=("-0.1 role outcome", "-0.2 start", "0.8 role call rig/stop", "4.0 signal INT"), duration=8.0,
         ended_by="operator", verdict="incomplete", **OPERATED,
         sentence="^ended by the operator .*: stopped by the operator",
     ),
