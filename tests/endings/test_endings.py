@@ -100,8 +100,8 @@ KINDS = {
     ),
     "the end on the page": Kind(faults=PAGE, sentence="^completed: ", **OPERATED),
     "a stop by the operator": Kind(
-        faults=("-0.1 role outcome", "-0.2 start", "0.8 role call rig/stop", "4.0 signal INT"), duration=8.0,
-        ended_by="operator", verdict="incomplete", **OPERATED,
+        faults=("-0.1 role outcome", "-0.2 start", "0.8 role call rig/stop", "4.0 signal INT"),
+        ended_by="operator", verdict="incomplete", duration=8.0, **OPERATED,
         sentence="^ended by the operator .*: stopped by the operator",
     ),
     "an emergency stop": Kind(

@@ -82,7 +82,7 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
 
 def _without_numbers(account: Account, put_in: list[str]) -> Iterator[str]:
     # A second signal asks for haste.
-    excused = any(re.match(r"kill orchestrator|signal \w+ \w+", what) for what in put_in)
+    excused = re.search(r"kill orchestrator|signal \w+ (signal )?\w+", " ".join(put_in))
     moved, ended = account.seen["moved"], account.seen["notes"][-1]["at"]
     wound = moved is not None and ended - moved > _NOTICED and account.seen["turns"] > _SLACK
     if wound and not excused:
