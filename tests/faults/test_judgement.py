@@ -100,6 +100,16 @@ def test_a_fault_that_ends_runs_is_not_passed_over(what: str) -> None:
     assert disagreements(PLAN, late) == []
 
 
+@pytest.mark.parametrize(
+    ("signals", "excused"), [(["TERM"], 0), (["TERM", "INT"], 1), (["INT INT"], 1)]
+)
+def test_a_second_signal_asks_for_haste(signals: list[str], excused: int) -> None:
+    notes = [{"what": f"signal {names}", "at": 103.0, "turns": 0.5} for names in signals]
+    notes.append({"what": "ended", "at": 109.0, "turns": 0.66})
+    found = disagreements(PLAN, account(run=None, code=130, notes=notes))
+    assert found == ([] if excused else ["there is no run.json of what was wound"])
+
+
 def row(**changed: Any) -> Row:
     expected: dict[str, Any] = {
         "ended_by": "supervision",

@@ -81,8 +81,9 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
 
 
 def _without_numbers(account: Account, put_in: list[str]) -> Iterator[str]:
-    # A second signal asks for haste.
-    excused = re.search(r"kill orchestrator|signal \w+ (signal )?\w+", " ".join(put_in))
+    # A second signal asks for haste; a killed command writes nothing.
+    signals = sum(len(what.split()) - 1 for what in put_in if what.startswith("signal "))
+    excused = signals > 1 or "kill orchestrator" in put_in
     moved, ended = account.seen["moved"], account.seen["notes"][-1]["at"]
     wound = moved is not None and ended - moved > _NOTICED and account.seen["turns"] > _SLACK
     if wound and not excused:
