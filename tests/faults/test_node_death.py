@@ -160,23 +160,26 @@ def winding_run(tmp_path: Path) -> Iterator[Run]:
     run.process.wait()
 
 
-def test_dead_node_is_named_and_the_recording_kept(winding_run: Run) -> None:
+@pytest.mark.parametrize(
+    ("package", "code", "words"),
+    [
+        ("winding_rig_node", 1, "winding: winding_rig ended with exit code -9"),
+        ("", 130, "interrupted; the nodes are stopped"),
+    ],
+    ids=["a dead node", "SIGTERM"],
+)
+def test_the_recording_of_a_run_that_ends_early_is_kept(
+    winding_run: Run, package: str, code: int, words: str
+) -> None:
     winding_run.wait_until_it_winds()
-    os.kill(winding_run.node("winding_rig_node"), signal.SIGKILL)
-    assert winding_run.process.wait(PATIENCE) == 1
-    assert "winding: winding_rig ended with exit code -9" in winding_run.printed()
-    assert "of simulated time" in winding_run.printed()
+    if package:
+        os.kill(winding_run.node(package), signal.SIGKILL)
+    else:
+        winding_run.process.send_signal(signal.SIGTERM)
+    assert winding_run.process.wait(PATIENCE) == code
+    assert words in winding_run.printed()
     assert winding_run.processes() == []
     # Two simulated seconds have at least two thousand encoder samples.
-    assert messages_in(winding_run.bag) > 2000
-
-
-def test_interrupted_run_stops_its_nodes_and_keeps_the_recording(winding_run: Run) -> None:
-    winding_run.wait_until_it_winds()
-    winding_run.process.send_signal(signal.SIGTERM)
-    assert winding_run.process.wait(PATIENCE) == 130
-    assert "interrupted; the nodes are stopped" in winding_run.printed()
-    assert winding_run.processes() == []
     assert messages_in(winding_run.bag) > 2000
 
 

@@ -20,6 +20,7 @@ pytestmark = [
     pytest.mark.slow,
 ]
 
+NAMESPACE = "soak"
 MINUTES = float(os.environ.get("SOAK_MINUTES", "30"))
 LOOK_S = 5.0
 # What is there after the first minute of winding may grow by so much.
@@ -37,16 +38,15 @@ class Soak:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._output = folder / "output"
+        words = ("-m", "winding_cli.cli", "run", "--case", "4", "--dashboard", "--duration-s", "20")
+        place = ("--namespace", NAMESPACE, "--output", str(folder / "run"))
+        operator = (str(Path(__file__).with_name("wind_on.py")), NAMESPACE, str(MINUTES))
         with self._output.open("w") as output:
-            self._process = subprocess.Popen(
-                [
-                    sys.executable,
-                    str(Path(__file__).with_name("wind_on.py")),
-                    str(folder),
-                    str(MINUTES),
-                ],
-                stdout=output,
-                stderr=subprocess.STDOUT,
+            self._process, self._operator = (
+                subprocess.Popen(
+                    [sys.executable, *command], stdout=output, stderr=subprocess.STDOUT
+                )
+                for command in ((*words, *place), operator)
             )
         self._root = psutil.Process(self._process.pid)
 
@@ -63,9 +63,9 @@ class Soak:
     def goes_on(self, wait: float) -> bool:
         """Wait so many seconds; return whether the process has not ended meanwhile."""
         try:
-            self._process.wait(wait)
+            self._operator.wait(wait)
         except subprocess.TimeoutExpired:
-            return True
+            return self._process.poll() is None
         return False
 
     @property
@@ -92,15 +92,17 @@ class Soak:
         return len(files), sum(files.values())
 
     def logs(self) -> tuple[int, int]:
-        """Return number and size [bytes] of the files in the run's folder."""
+        """Return number and size [bytes] of the session's logs."""
         sizes = [
             path.stat().st_size
-            for path in self._folder.rglob("*")
-            if path.is_file() and path != self._output
+            for path in (self._folder / "run" / "log").rglob("*")
+            if path.is_file()
         ]
         return len(sizes), sum(sizes)
 
     def end(self) -> None:
+        self._operator.kill()
+        self._operator.wait()
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -126,10 +128,8 @@ def test_nothing_grows_while_the_graph_winds(tmp_path: Path) -> None:
         assert soak.exit_code in (0, None), soak.printed
     finally:
         soak.end()
-    runs, ended = soak.printed.count("a run at"), soak.printed.count("ended: ")
-    print(
-        f"{(time.monotonic() - begin) / 60.0:.1f} min of winding, {runs} runs, {ended} ended early"
-    )
+    runs = soak.printed.count("a run is over")
+    print(f"{(time.monotonic() - begin) / 60.0:.1f} min of winding, {runs} runs")
     grown = {}
     for name, looks in memory.items():
         settled = statistics.median(u for t, u in looks if SETTLED_S <= t < SETTLED_S + 30.0)
@@ -140,8 +140,8 @@ def test_nothing_grows_while_the_graph_winds(tmp_path: Path) -> None:
     (shared, logs), (shared_last, logs_last) = files[0], files[-1]
     print(f"shared memory: {shared[0]} files of {shared[1] / 1e6:.1f} MB, then {shared_last[0]} of")
     print(f"{shared_last[1] / 1e6:.1f} MB; logs: {logs[0]} files of {logs[1]} B, then {logs_last}")
-    assert ended <= runs / 10, soak.printed
-    assert len(grown) == 5
+    assert runs > MINUTES, soak.printed
+    assert len(grown) == 6
     assert max(grown.values()) <= GROWTH, grown
     assert shared_last[0] <= shared[0]
     assert shared_last[1] <= shared[1]

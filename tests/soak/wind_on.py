@@ -1,45 +1,65 @@
-"""Wind one run after the other with the real graph for some minutes; a process of its own.
+"""The operator of a session: Reset and Start, run after run; wind_on.py NAMESPACE MINUTES.
 
-It prints `winding` when the machine winds for the first time, and then one line for
-every run that was begun and for every one that supervision ended.
+It prints `winding` when the machine winds for the first time, and then a line for every run.
 """
 
-import asyncio
-import os
 import sys
 import time
-from pathlib import Path
 
-from winding_ros.environment import set_process_environment
-from winding_supervisor.session.domain_lock import domain_lock
-from winding_verification.faults.cell import FaultCell
+import rclpy
+from rclpy.node import Node
+from std_srvs.srv import Trigger
 
-NAMESPACE = "soak"
-# Simulated time after which the cell begins a new run by itself [s].
-RUN = 20.0
+from winding_ros import topics
+from winding_ros.messages.diagnostics import decode_diagnostics
 
 
-async def wind(folder: Path, minutes: float) -> None:
-    cell = FaultCell(folder / "cell", NAMESPACE, identify=True)
-    async with cell.running():
-        await cell.winding()
-        print("winding", flush=True)
-        end = time.monotonic() + 60.0 * minutes
-        while time.monotonic() < end:
-            await cell.winding()
-            begun = cell.t
-            print(f"a run at {begun:.1f} s", flush=True)
-            await cell.until(
-                lambda begun=begun: cell.t > begun + RUN or not cell.goes_on(), "a run"
-            )
-            if not cell.goes_on():
-                # A machine that is too busy ends runs, and the cell begins another.
-                print(f"ended: {await cell.end_of_run()}", flush=True)
+class Operator:
+    """Presses the buttons of a machine."""
+
+    def __init__(self, namespace: str) -> None:
+        self.node = Node("operator", namespace=namespace)
+        self.phase = ""
+        topics.DIAGNOSTICS.subscribe(self.node, self._note)
+
+    def _note(self, message: object) -> None:
+        _, statuses = decode_diagnostics(message)
+        for status in statuses:
+            if status.name == topics.RIG:
+                self.phase = status.values.get("phase", "")
+
+    def press(self, name: str) -> None:
+        """Call a service until the machine takes it."""
+        client = self.node.create_client(Trigger, f"rig/{name}")
+        client.wait_for_service()
+        taken = False
+        while not taken:
+            pending = client.call_async(Trigger.Request())
+            rclpy.spin_until_future_complete(self.node, pending, timeout_sec=5.0)
+            taken = pending.done() and pending.result().success
+        self.node.destroy_client(client)
+
+    def wait_for(self, phase: str) -> None:
+        """Wait until the machine is in a phase."""
+        while self.phase != phase:
+            rclpy.spin_once(self.node)
+
+
+def wind(namespace: str, minutes: float) -> None:
+    rclpy.init()
+    operator = Operator(namespace)
+    operator.press("start")
+    operator.wait_for("winding")
+    print("winding", flush=True)
+    end = time.monotonic() + 60.0 * minutes
+    while time.monotonic() < end:
+        operator.wait_for("finished")
+        print("a run is over", flush=True)
+        operator.press("reset")
+        operator.wait_for("idle")
+        operator.press("start")
+        operator.wait_for("winding")
 
 
 if __name__ == "__main__":
-    place = Path(sys.argv[1])
-    domain = int(os.environ["ROS_DOMAIN_ID"])
-    set_process_environment(domain, place / "log")
-    with domain_lock(domain, NAMESPACE):
-        asyncio.run(wind(place, float(sys.argv[2])))
+    wind(sys.argv[1], float(sys.argv[2]))

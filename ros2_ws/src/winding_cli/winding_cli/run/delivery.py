@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from rich.box import SIMPLE_HEAD
 
 from winding_cli.terminal.console import Shown, record_table, result_console
-from winding_cli.terminal.output_path import STANDARD_OUTPUT, staged, write_json
+from winding_cli.terminal.output_path import STANDARD_OUTPUT, staging, write_json
 from winding_cli.terminal.refusal import FAILED, complain, refuse
 from winding_core.cable.condition import Condition
 from winding_core.parameters import build, declared_in
@@ -199,9 +199,9 @@ def write(
     if json == STANDARD_OUTPUT:
         write_json(json, run_json(record))
     else:
-        with staged(json) as place:
+        with staging(json) as place:
             write_run_json(record, place)
-    with staged(report) as place:
+    with staging(report) as place:
         page = report / write_report(record, place).name
     files = [("report", page), ("numbers", json), *(("bag", bag) for bag in bags)]
     if trace is not None and result is not None:
@@ -216,7 +216,7 @@ def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
 
     assert record.trace is not None
     assert result.trace is not None
-    with staged(path) as place:
+    with staging(path) as place:
         write_chrome_trace(record.trace, result.trace, place)
 
 

@@ -90,6 +90,16 @@ def check_output_folder(
 
 @contextmanager
 def staged(path: Path) -> Iterator[Path]:
+    """Yield a place as `staging` does; a disk that takes no more ends the command."""
+    try:
+        with staging(path) as place:
+            yield place
+    except OSError as error:
+        refuse(f"cannot write {path}: {error.strerror or error}", FAILED)
+
+
+@contextmanager
+def staging(path: Path) -> Iterator[Path]:
     """Yield a place for a file or a folder, which takes its own place when the body has ended.
 
     An error or a signal in the body leaves nothing behind. Files of a folder that exists are
@@ -102,22 +112,19 @@ def staged(path: Path) -> Iterator[Path]:
         yield path
         return
     stage: Path | None = None
-    try:
-        with interruptible():
-            try:
-                with uninterrupted():
-                    folder = path.absolute().parent
-                    folder.mkdir(parents=True, exist_ok=True)
-                    stage = Path(tempfile.mkdtemp(UNFINISHED, f".{path.name}.", folder))
-                yield stage / path.name
-                with uninterrupted():
-                    _move(stage / path.name, path)
-            finally:
-                with uninterrupted():
-                    if stage is not None:
-                        shutil.rmtree(stage)
-    except OSError as error:
-        refuse(f"cannot write {path}: {error.strerror or error}", FAILED)
+    with interruptible():
+        try:
+            with uninterrupted():
+                folder = path.absolute().parent
+                folder.mkdir(parents=True, exist_ok=True)
+                stage = Path(tempfile.mkdtemp(UNFINISHED, f".{path.name}.", folder))
+            yield stage / path.name
+            with uninterrupted():
+                _move(stage / path.name, path)
+        finally:
+            with uninterrupted():
+                if stage is not None:
+                    shutil.rmtree(stage)
 
 
 def print_aside() -> None:

@@ -1,146 +1,188 @@
-"""Every row of the fault table, one after the other, as `winding faults` tries them."""
+"""The table of faults and the runs that a seed draws, one after the other, as `winding faults`."""
 
 from __future__ import annotations
 
-import dataclasses
-import os
-import signal
-from collections.abc import Awaitable, Callable, Set
-from functools import partial
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 
-import psutil  # type: ignore[import-untyped]
-from rich.console import Console
-from rich.table import Table
+from winding_core.run_outcome import EndedBy
+from winding_verification.faults.judgement import disagreements
+from winding_verification.faults.trial import Account, Fault, Plan, Trial
 
-from winding_ros import topics
-from winding_ros.graph import GRAPH, GraphError
-from winding_verification.faults.cell import CellError, FaultCell
-from winding_verification.faults.cell_faults import (
-    SENSOR_FAULTS,
-    break_sensor,
-    lose_again_and_again,
-    lose_frames,
-    lose_node,
-    lose_successor,
-    wrong_parameters,
-)
-from winding_verification.faults.external_faults import (
-    late_joiner,
-    lose_orchestrator,
-    quality_mismatch,
-    rogue_publisher,
-    second_graph,
-)
-from winding_verification.faults.outcome import STAND_WITHIN, Outcome
-
-NAMESPACE = "faults"
-_SIGNALS = {"kill -9": signal.SIGKILL, "SIGSTOP": signal.SIGSTOP}
-
-# Faults of a cell that they may ruin, by the name of their row, in the order in which they are
-# tried: the cell heals itself before the next one.
-ROWS: dict[str, Callable[[FaultCell], Awaitable[Outcome]]] = {
-    "20 % frame loss": lose_frames,
-    "wrong parameters": wrong_parameters,
-    "late joiner": late_joiner,
-    "QoS mismatch": quality_mismatch,
-    "rogue publisher": rogue_publisher,
-    "two rigs on one machine": second_graph,
-    **{fault.name: partial(break_sensor, fault=fault) for fault in SENSOR_FAULTS},
-    **{
-        f"{name} {spec.name}": partial(lose_node, name=spec.name, number=number)
-        for name, number in _SIGNALS.items()
-        for spec in GRAPH
-    },
-    "a successor that hangs": partial(lose_successor, name=topics.TRACKER),
-    "a node that dies again and again": partial(lose_again_and_again, name=topics.TRACKER),
-}
-# Faults of a run of their own in a new folder, beside no cell.
-LONE_ROWS: dict[str, Callable[[Path], Awaitable[Outcome]]] = {
-    f"{name} orchestrator": partial(lose_orchestrator, number=number)
-    for name, number in _SIGNALS.items()
-}
+# Of both axes, after the detection [s].
+STAND_WITHIN = 0.5
 
 
-def row_names() -> list[str]:
-    """Return the names of all rows in their order."""
-    return [*ROWS, *LONE_ROWS]
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A run with faults, and how it has to come out."""
+
+    plan: Plan  # What is tried
+    # Pattern of who ends it; empty where nothing is left to tell, None where the observer judges
+    ended_by: str | None = None
+    source: str = ""  # Pattern of the source of the first cause; empty for none
+    machine: str = "standing"  # Where the machine is left
+    reported: tuple[str, ...] = ()  # Patterns of what is reported, by the run or about it
+    within: float | None = None  # Limit of the time from the first fault to its detection [s]
+
+    @property
+    def expected(self) -> str:
+        """How it has to come out, in words."""
+        if self.ended_by is None:
+            return ""
+        return f"{self.ended_by or 'nothing left'}, {self.source or 'no cause'}, {self.machine}"
 
 
-async def watched(trial: Awaitable[Outcome]) -> Outcome:
-    """Return a trial's outcome with how busy the computer was meanwhile."""
-    before = psutil.cpu_times()
-    outcome = await trial
-    now = psutil.cpu_times()
-    spent = sum(now) - sum(before)
-    return dataclasses.replace(
-        outcome,
-        load=max(1.0, os.getloadavg()[0] / (os.cpu_count() or 1)),
-        idle=float((now.idle - before.idle) / spent) if spent > 0.0 else 1.0,
+def _row(
+    *, name: str, faults: list[str], foreign: bool = False, options: Iterable[str] = (),
+    duration: float = 3.0, reported: Iterable[str] = (), **expected: object,
+) -> Row:  # fmt: skip
+    put_in = [Fault(at=float(at), what=what) for at, _, what in (f.partition(" ") for f in faults)]
+    plan = Plan(
+        name=name,
+        faults=tuple(put_in),
+        foreign=foreign,
+        options=tuple(options),
+        duration=duration,
     )
+    return Row(plan=plan, reported=tuple(reported), **expected)  # type: ignore[arg-type]
+
+
+ROWS = tuple(
+    _row(**item)
+    for item in json.loads(
+        files("winding_verification").joinpath("data", "faults.json").read_text("utf-8")
+    )
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What became of a run with faults."""
+
+    row: Row  # What was tried
+    came_out: str = ""  # Who ended it, the first cause, the machine; what the observer saw
+    disagreements: tuple[str, ...]  # A sentence each
+    detected_after: float | None = None  # Wall time from the first fault to its detection [s]
+    stood_after: float | None = None  # Wall time from the detection to standstill [s]
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything agrees."""
+        return not self.disagreements
+
+    @property
+    def line(self) -> str:
+        """The outcome in a line, and a further one for each disagreement."""
+        word = "ok    " if self.passed else "FAILED"
+        seconds = ""
+        if self.row.within is not None:
+            seconds = f"; detected after {_seconds(self.detected_after)} ({self.row.within:g})"
+            seconds += f", stood {_seconds(self.stood_after)} later ({STAND_WITHIN:g})"
+        wrong = "".join(f"\n        {sentence}" for sentence in self.disagreements)
+        name, put_in = self.row.plan.name, self.row.plan.put_in
+        return f"{word}  {name}: {put_in} -> {self.came_out}{seconds}{wrong}"
+
+    def as_record(self) -> dict[str, object]:
+        """Return JSON values."""
+        return {
+            "name": self.row.plan.name,
+            "put_in": self.row.plan.put_in,
+            "expected": self.row.expected,
+            "came_out": self.came_out,
+            "disagreements": list(self.disagreements),
+            "detected_after": self.detected_after,
+            "detect_within": self.row.within,
+            "stood_after": self.stood_after,
+            "passed": self.passed,
+        }
 
 
 async def try_rows(
-    names: Set[str], folder: Path, report: Callable[[Outcome], None]
+    rows: Iterable[Row], folder: Path, driver: Path, report: Callable[[Outcome], None]
 ) -> list[Outcome]:
-    """Try rows on one graph, then those that need a run of their own.
+    """Try runs one after the other; what raises has failed.
 
     Args:
-        names: Of the rows.
-        folder: Existing folder for logs and runs.
+        rows: Runs.
+        folder: Existing folder for their files.
+        driver: Of a foreign machine.
         report: Receives each outcome as soon as it is known.
     """
-    outcomes: list[Outcome] = []
-
-    async def attempt(name: str, trial: Awaitable[Outcome]) -> None:
+    outcomes = []
+    for number, row in enumerate(rows, 1):
+        trial = Trial(row.plan, folder / f"{number}", f"faults{number}", driver)
         try:
-            outcomes.append(await watched(trial))
-        except (CellError, GraphError, TimeoutError) as error:
-            outcomes.append(Outcome(fault=name, outcome=str(error), survived=False))
-        report(outcomes[-1])
-
-    rows = [name for name in ROWS if name in names]
-    if rows:
-        async with FaultCell(folder / "cell", NAMESPACE).running() as cell:
-            for name in rows:
-                await attempt(name, ROWS[name](cell))
-    for name, trial in LONE_ROWS.items():
-        if name in names:
-            await attempt(name, trial(folder / name.replace(" ", "-")))
+            outcome = judge(row, await trial.conduct())
+        except Exception as error:  # noqa: BLE001 - whatever fails, the rows after it are tried
+            outcome = Outcome(row=row, disagreements=(f"the row failed: {error!r}",))
+        report(outcome)
+        outcomes.append(outcome)
     return outcomes
 
 
-def show(outcomes: list[Outcome], console: Console) -> None:
-    """Print the table, and what the computer could do meanwhile."""
-    table = Table("fault", "at s", "detected by", "after s", "bar", "standstill s", "bar")
-    for name in ("outcome", "survived"):
-        table.add_column(name)
-    for outcome in outcomes:
-        table.add_row(
-            outcome.fault,
-            f"{outcome.injected_at:.2f}",
-            outcome.detected_by,
-            *_timed(outcome.detected_after, outcome.detect_within),
-            *_timed(outcome.stood_after, STAND_WITHIN),
-            outcome.outcome,
-            outcome.verdict,
-        )
-    console.print(table)
-    passed = sum(outcome.passed for outcome in outcomes)
-    console.print(f"{passed} of {len(outcomes)} faults survived as they have to be")
-    busy = [outcome for outcome in outcomes if outcome.saturated]
-    if busy:
-        load, idle = max(row.load for row in busy), min(row.idle for row in busy)
-        console.print(
-            f"The computer was saturated during {len(busy)} of them: up to {load:.1f} processes "
-            f"for each processor, {idle:.0%} of processor time idle. Their seconds are printed "
-            "and not judged."
-        )
-    else:
-        console.print("The computer was not saturated: the seconds were judged too.")
+def judge(row: Row, account: Account) -> Outcome:
+    """Return whether a run came out as it had to, and as the observer saw it."""
+    wrong = disagreements(row.plan, account)
+    detected, stood = _times(account)
+    if row.ended_by is not None:
+        wrong += _mismatches(row, account)
+        if row.within is not None and (detected is None or detected > row.within):
+            wrong.append(f"detected after {_seconds(detected)} instead of {row.within:g} s")
+        if stood is not None and stood > STAND_WITHIN:
+            wrong.append(f"stood {_seconds(stood)} after detection instead of {STAND_WITHIN:g} s")
+    came_out, seen = "no run.json", account.seen
+    if account.run is not None:
+        outcome = account.run["outcome"]
+        cause = (outcome["cause"] or {"source": "no cause"})["source"]
+        came_out = f"{outcome['verdict']}: {outcome['ended_by']}, {cause}, {outcome['machine']}"
+        came_out += f", {outcome['done']['turns']:.2f} turns"
+    came_out += f"; exit code {account.code}; seen {seen['motion']}, {seen['turns']:.2f} turns"
+    return Outcome(
+        row=row,
+        came_out=came_out,
+        disagreements=tuple(wrong),
+        detected_after=detected,
+        stood_after=stood,
+    )
 
 
-def _timed(seconds: float | None, bar: float) -> tuple[str, str]:
-    if seconds is None:
-        return "-", ""
-    return f"{seconds:.3f}", f"{bar:g}"
+def _mismatches(row: Row, account: Account) -> Iterator[str]:
+    """Yield where a run did not come out as its row states."""
+    if account.run is None:
+        if row.ended_by:
+            yield "there is no run.json"
+        return
+    outcome = account.run["outcome"]
+    source = "" if outcome["cause"] is None else outcome["cause"]["source"]
+    for what, wanted, found in (
+        ("ended by", row.ended_by or EndedBy.COMPLETED.value, outcome["ended_by"]),
+        ("first cause of", row.source, source),
+        ("machine", row.machine, outcome["machine"]),
+    ):
+        if not re.fullmatch(wanted, found):
+            yield f"{what} {found or 'none'} instead of {wanted or 'none'}"
+    events = [f"{event.what} {event.node} {event.text}" for event in account.events]
+    everything = "\n".join([*outcome["sentences"], *events, *account.answers])
+    for pattern in row.reported:
+        if not re.search(pattern, everything):
+            yield f"nothing is reported of {pattern!r}"
+
+
+def _times(account: Account) -> tuple[float | None, float | None]:
+    """Return wall times from fault to detection and from there to standstill [s]."""
+    begun = [note["at"] for note in account.seen["notes"]]
+    after = [event for event in account.events if begun and event.wall >= begun[0]]
+    detected = next((event.wall for event in after if event.what == "detected"), None)
+    stood = next((event.wall for event in after if event.what == "standing"), None)
+    if detected is None:
+        return None, None
+    return detected - begun[0], None if stood is None else max(0.0, stood - detected)
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3f} s"
