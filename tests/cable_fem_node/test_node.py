@@ -1,6 +1,10 @@
 """The solver's node: follows machine and tracker, publishes the results of its cores."""
 
 import itertools
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +24,25 @@ DURATION = 0.5
 # P1 of case 4 as it lies with the paper's measured run; with 2.6 MPa it would be 6.58 rad.
 THETA = 6.28
 SEEN_AT = 4.3
+# The tracker's markers of a run come to a node that is configured, and to no other.
+IDENTIFIES = """
+import sys, rclpy
+from rclpy.parameter import Parameter
+from rods import DRIVE, tracked
+from cable_fem_node.identification.live_material import MaterialTask, work_out
+from cable_fem_node.node import CableFemNode
+rclpy.init()
+wanted = {"case": 10, "duration": 0.5}
+node = CableFemNode(parameter_overrides=[Parameter(k, value=v) for k, v in wanted.items()])
+assert node.trigger_configure().name == "SUCCESS"
+run = tracked()
+task = MaterialTask(config=run.config, inputs=run.inputs, readings=run.readings,
+                    drive=DRIVE, duration=12.0, wanted_ahead=False)
+before = set(sys.modules)
+assert work_out(task).estimate is not None
+print(sorted({name.split(".")[0] for name in set(sys.modules) - before}))
+rclpy.shutdown()
+"""
 
 
 @pytest.fixture
@@ -69,6 +92,20 @@ def test_prediction_is_latched_for_late_subscribers(followed: SolverBench, ros: 
 def test_load_beyond_the_material_s_limit_is_refused_at_configuration(ros: Any) -> None:
     # Hooke on log strain carries no dead load above E / e = 0.956 MPa; case 2 has 1.249 MPa.
     assert solver_node(ros, case=2, law="hencky").trigger_configure() is FAILURE
+
+
+@pytest.mark.slow
+def test_an_identification_beside_the_machine_loads_nothing() -> None:
+    # What it loads holds the interpreter, and with it the step of the rod.
+    environment = dict(os.environ, PYTHONPATH=str(Path(__file__).parent))
+    done = subprocess.run(
+        [sys.executable, "-c", IDENTIFIES],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+    )
+    assert done.stdout == "[]\n", done.stdout + done.stderr
 
 
 def bench_of(ros: Any, theta: float = THETA, flags: int = 0, **wanted: object) -> SolverBench:

@@ -138,11 +138,13 @@ def test_frames_of_a_camera_with_a_clock_of_its_own_count_from_their_exposure(ah
     np.testing.assert_array_equal(trace.camera.whole, 10.0 * HOP)
 
 
-def test_lengths_without_a_frame_have_a_way_from_the_encoder_only() -> None:
+def test_lengths_without_a_frame_have_a_way_from_the_encoder_only(tmp_path: Path) -> None:
     noted = records()
-    trace = length_trace(noted[noted["channel"] != Channel.FRAME])
-    assert trace.lengths == len(trace.prediction.stamps) == 3
-    assert len(trace.camera.stamps) == 0
+    noted = noted[noted["channel"] != Channel.FRAME]
+    trace = length_trace(noted)
+    write_chrome_trace(trace, noted, tmp_path / "trace.json")
+    written = json.loads((tmp_path / "trace.json").read_text())
+    assert written["otherData"] == {"lengths": 3, "camera": 0, "prediction": 3}
     assert hop_costs(trace.camera) == ()
     assert "encoder sample" in trace_picture(trace).caption
 

@@ -121,11 +121,15 @@ def test_the_trace_follows_frames_whose_stamps_are_ahead_of_their_exposure(
 ) -> None:
     wound = wind(*CORRECTED, "--trace", tmp_path / "trace.json")
     assert wound.code == 0, wound.output
-    events = json.loads((tmp_path / "trace.json").read_text(encoding="utf-8"))["traceEvents"]
+    trace = json.loads((tmp_path / "trace.json").read_text(encoding="utf-8"))
     ways: dict[str, list[float]] = {"camera": [], "prediction": []}
-    for event in events:
+    for event in trace["traceEvents"]:
         if event["ph"] == "b" and event["name"] == "corrected length":
             ways[event["cat"]].append(event["args"]["stamp_s"])
+    assert trace["otherData"] == {
+        "lengths": len(ways["prediction"]),
+        **{way: len(stamps) for way, stamps in ways.items()},
+    }
     followed = [t for t in ways["prediction"] if t >= min(ways["camera"])]
     assert sorted(ways["camera"]) == sorted(followed)
     # Predictions come at 50 Hz, and the camera is there from the start on.

@@ -9,7 +9,12 @@ from typing import Any
 from rclpy.clock import Clock, ClockType
 from rclpy.timer import Timer
 
-from cable_fem_node.identification.live_material import LiveMaterial, MaterialUpdate, work_out
+from cable_fem_node.identification.live_material import (
+    LiveMaterial,
+    MaterialUpdate,
+    load_search,
+    work_out,
+)
 from cable_fem_node.ros.background import BackgroundTask, PredictionTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
@@ -47,6 +52,8 @@ class CableFemNode(ManagedNode[FemParameters]):
     def configure(self) -> None:
         """Build the model; subscribe."""
         self._handler = FemHandler(self.configuration, self.go_on, ahead_elsewhere=True)
+        if self.configuration.update_material:
+            load_search()
         self.endpoints.connect(self._handler, extra={topics.TRACKED_MARKERS: self._on_tracked})
         # Wall time: an identification may end when the machine has stopped.
         self._looker = self.create_timer(

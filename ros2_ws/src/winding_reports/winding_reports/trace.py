@@ -323,7 +323,9 @@ def write_chrome_trace(trace: LengthTrace, records: NDArray[np.void], path: Path
         *_way_events(trace.prediction, origin),
         *_node_events(records, origin),
     ]
-    content = {"traceEvents": events, "displayTimeUnit": "ms"}
+    # Viewers show it as it is: of how many lengths each way is known.
+    counts = {"lengths": trace.lengths} | {way.name: len(way.stamps) for way in trace.ways}
+    content = {"traceEvents": events, "displayTimeUnit": "ms", "otherData": counts}
     path.write_text(json.dumps(content, separators=(",", ":")) + "\n", encoding="utf-8")
 
 

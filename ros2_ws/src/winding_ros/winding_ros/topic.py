@@ -21,6 +21,7 @@ class Delivered(NamedTuple):
     """A message as DDS delivered it."""
 
     data: Any  # The message, or its CDR bytes.
+    number: int  # DDS counts a publisher's messages 1, 2, 3 and so on.
     sent_ns: int  # When its publisher sent it, by the clock of that system [ns].
     arrived_ns: int  # When it arrived, by the clock of this system, however late it was taken [ns].
 
@@ -124,7 +125,10 @@ class Topic:
                 return
             message, information = taken
             yield Delivered(
-                message, information["source_timestamp"], information["received_timestamp"]
+                message,
+                information["publication_sequence_number"],
+                information["source_timestamp"],
+                information["received_timestamp"],
             )
 
     def advertise(self, node: Node) -> Publisher:
@@ -138,7 +142,7 @@ class Topic:
 
 
 class Taken(NamedTuple):
-    """A message as DDS delivered it."""
+    """A message in CDR bytes, with its times by the monotonic clock of this host too."""
 
     data: bytes  # CDR bytes.
     number: int  # DDS counts a publisher's messages 1, 2, 3 and so on.
@@ -159,34 +163,14 @@ class PolledTopic:
     def __init__(self, node: Node, topic: Topic) -> None:
         self.topic = topic
         self._node = node
-        self._subscription = node.create_subscription(
-            topic.type,
-            topic.name,
-            self._called,
-            topic.qos,
-            qos_overriding_options=QoSOverridingOptions.with_default_policies(),
-            raw=True,
-        )
+        self._subscription = topic.listen(node, self._called, raw=True)
 
     def take(self) -> Iterator[Taken]:
         """Yield at most `depth` messages that wait."""
         # DDS stamps by the system's clock, which may be set; only the age of a stamp is used.
         offset = time.monotonic_ns() - time.time_ns()
-        kind, handle = self.topic.type, self._subscription.handle
-        with handle:
-            for _ in range(self.topic.depth):
-                taken = handle.take_message(kind, True)
-                if taken is None:
-                    return
-                data, information = taken
-                yield Taken(
-                    data,
-                    information["publication_sequence_number"],
-                    information["source_timestamp"] + offset,
-                    information["received_timestamp"] + offset,
-                    information["source_timestamp"],
-                    information["received_timestamp"],
-                )
+        for data, number, sent, arrived in self.topic.waiting(self._subscription, raw=True):
+            yield Taken(data, number, sent + offset, arrived + offset, sent, arrived)
 
     def close(self) -> None:
         """Take nothing any more."""

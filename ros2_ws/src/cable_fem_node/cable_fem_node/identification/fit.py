@@ -90,7 +90,7 @@ def fit(
         IdentificationError: The search does not come to rest, or the rod fails.
         AbandonedError: `going` returned False.
     """
-    from scipy.special import chdtrc, stdtrit  # noqa: PLC0415 - in the thread that fits
+    from scipy.special import chdtrc, stdtrit  # noqa: PLC0415 - see `load_search`
 
     config = FitConfig() if config is None else config
     search = Search(runs, family, bounds, config, going, before)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass
+from importlib import import_module
 
 from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.identification.modulus import (
@@ -116,6 +117,15 @@ class LiveMaterial:
         if update.config is not None and update.estimate is not None:
             self._config = update.config
             self._excess = update.estimate.fit.excess
+
+
+def load_search() -> None:
+    """Import what a search computes with: half a processor second, for before the machine moves.
+
+    Beside the node's own thread it would hold the interpreter for a tenth of a second at a time.
+    """
+    for module in ("scipy.linalg", "scipy.optimize", "scipy.special"):
+        import_module(module)
 
 
 def work_out(task: MaterialTask, going: Callable[[], bool] = lambda: True) -> MaterialUpdate:

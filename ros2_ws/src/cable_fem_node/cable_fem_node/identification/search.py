@@ -195,7 +195,7 @@ class Search:
             IdentificationError: The parameters are unobservable, or the search does not
                 come to rest.
         """
-        # Live, this is the thread beside the node's own, and the machine is winding.
+        # A node imports them before it is active, see `load_search`.
         from scipy.linalg import block_diag, solve_triangular  # noqa: PLC0415
         from scipy.optimize import least_squares  # noqa: PLC0415
 

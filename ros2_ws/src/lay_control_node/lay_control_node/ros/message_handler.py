@@ -98,7 +98,7 @@ class LayControlHandler:
         self._moved = -math.inf
         self.cadence = Cadence()
         self._planned: _Planned | None = None
-        self._carried_to = -math.inf
+        self._carried_to, self._carried_guide = -math.inf, 0.0
 
     def switch(self, mode: ControlMode) -> None:
         """Do something else with what is found from now on."""
@@ -155,6 +155,9 @@ class LayControlHandler:
             programme = self.controller.config.advance_per_radian * reading.angular_speed
             self._planned = _Planned(now, stamp, setpoint.guide, setpoint.guide_speed, programme)
             yield self._targets(now, stamp, setpoint.guide, setpoint.guide_speed)
+        else:
+            # A machine in arrears comes to what it was commanded meanwhile, and never goes back.
+            yield self._targets(now, self._carried_to, self._carried_guide, 0.0)
         if setpoint.pull is not None:
             command = TensionCommand(t=stamp, force=setpoint.pull)
             yield Answer(topic=topics.TENSION_COMMAND, message=encode_tension_command(command))
@@ -178,7 +181,7 @@ class LayControlHandler:
         own = min(ahead, LONGEST_GAP)
         guide = planned.guide + planned.speed * own + planned.programme * (ahead - own)
         within = min(max(guide, low), high)
-        self._carried_to = planned.t + ahead
+        self._carried_to, self._carried_guide = planned.t + ahead, within
         speed = planned.speed if own == ahead else planned.programme
         speed = speed if within == guide else 0.0
         yield self._targets(now, self._carried_to, within, speed)
