@@ -89,7 +89,7 @@ class OperatedRun:
     wound: Mapping[str, object]  # Parameters of the machine; empty while they are being read
     wall_s: float  # How long it took [s]
     bags: tuple[Path, ...]  # That were recorded meanwhile
-    ending: Ending
+    ending: Ending  # How it ended
     limits: OperatorLimits | None = None
 
 

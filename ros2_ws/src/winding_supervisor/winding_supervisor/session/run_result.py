@@ -20,7 +20,7 @@ class RunResult:
 
     buffer: RunBuffer  # Every message but the pictures
     wall_s: float  # How long the run took [s]
-    ending: Ending
+    ending: Ending  # How it ended
     losses: tuple[str, ...] = ()  # What of its files is missing, a sentence each
     # Parameters of the machine in a run that an operator conducted; empty when none was begun
     wound: Mapping[str, object] = field(default_factory=dict)
