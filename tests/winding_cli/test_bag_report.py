@@ -16,7 +16,6 @@ from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.readings import AxisReading
-from winding_core.run_outcome import Ending, Extent
 from winding_recorder.bags.description import (
     COMPLETE,
     PARAMETERS,
@@ -32,7 +31,7 @@ from winding_recorder.playback.recorded_buffer import recorded_run
 from winding_ros import topics
 from winding_ros.messages.clouds import encode_cloud
 from winding_ros.messages.rig import encode_joint_state
-from winding_supervisor.session.run_result import RunResult
+from winding_supervisor.session.run_config import RunResult
 
 DRIVE = DriveProfile()
 ADVANCE = DRIVE.advance_per_radian
@@ -120,11 +119,8 @@ def test_lay_that_was_driven_is_held_to_a_tolerance_that_was_given(
     mode: ControlMode, held: Held, code: int, tmp_path: Path
 ) -> None:
     run = recorded_run(recording(tmp_path / "bag", off=0.7e-3, mode=mode))
-    result = RunResult(buffer=run.buffer, wall_s=0.0, ending=Ending())
-    record = run_record(
-        Condition(case=4, duration=SECONDS), result, {}, held.limit,
-        asked=Extent(), laid_as_published=False,
-    )  # fmt: skip
+    result = RunResult(buffer=run.buffer, wall_s=0.0)
+    record = run_record(Condition(case=4, duration=SECONDS), result, {}, held.limit)
     assert record.lay is not None
     assert record.lay.verdict.kept is False
     assert bool(flaw(record, result, held=held.asked)) is bool(code)
