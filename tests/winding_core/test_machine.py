@@ -20,8 +20,8 @@ from winding_core.machine.incoming_readings import (
     ReadingLimits,
 )
 from winding_core.machine.readings import AxisReading, ImageWindow
-from winding_core.machine.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, CarriageLimits, machine_urdf
 from winding_core.run_options import CameraPlacement
+from winding_core.urdf import CAMERA, GUIDE, LOAD_CELL, MARKER, CarriageLimits, machine_urdf
 from winding_dashboard.state.camera_view import CameraView
 
 DRIVE = DriveProfile()

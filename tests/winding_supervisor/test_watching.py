@@ -9,9 +9,9 @@ import pytest
 
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
-from winding_core.machine.urdf import CarriageLimits, machine_urdf
 from winding_core.run_options import CameraPlacement
 from winding_core.status import Level
+from winding_core.urdf import CarriageLimits, machine_urdf
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic

@@ -18,8 +18,8 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
-from winding_core.machine.urdf import machine_urdf
 from winding_core.run_options import CameraPlacement
+from winding_core.urdf import machine_urdf
 from winding_ros import topics
 from winding_ros.graph import DEFAULT_NAMESPACE, GRAPH
 

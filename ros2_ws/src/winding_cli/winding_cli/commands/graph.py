@@ -52,8 +52,8 @@ def graph(
     """Show the nodes, their topics and who listens."""
     from winding_core.cable.condition import Condition
     from winding_core.machine.axes import MachineAxes
-    from winding_core.machine.urdf import machine_urdf
     from winding_core.run_options import CameraPlacement
+    from winding_core.urdf import machine_urdf
     from winding_ros.access_policy import Participants, sros2_policy
     from winding_ros.graph import as_mermaid, as_text, members
 

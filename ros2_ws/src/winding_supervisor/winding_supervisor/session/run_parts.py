@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from winding_core.machine.urdf import CarriageLimits, machine_urdf
 from winding_core.parameters import build
 from winding_core.run_options import CameraPlacement
 from winding_core.trace import TRACE_DTYPE, usable_records
+from winding_core.urdf import CarriageLimits, machine_urdf
 from winding_recorder.live.recorder import Recorder, RunBuffer
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
