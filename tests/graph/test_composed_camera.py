@@ -9,7 +9,7 @@ import pytest
 from std_srvs.srv import Trigger
 
 from winding_core.cable.cases import published_markers
-from winding_core.camera_source import CameraSource, CameraSourceError
+from winding_core.machine.camera_source import CameraSource, CameraSourceError
 from winding_recorder.bags.contents import contents
 from winding_recorder.live.recorder import Recorder
 from winding_ros import topics

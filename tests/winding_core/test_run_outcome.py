@@ -76,8 +76,8 @@ def test_a_broken_off_run_is_not_called_good_by_its_lengths_either() -> None:
 
 def test_a_machine_that_may_turn_comes_before_everything_else() -> None:
     outcome = RunOutcome(
-        asked=Extent(turns=4.85, time=20.0, markers=4),
-        done=Extent(turns=0.76, time=3.4, markers=0),
+        asked=Extent(turns=6.3, time=23.0, markers=5),
+        done=Extent(turns=1.17, time=4.6, markers=1),
         ending=Ending(
             cause=cause(EndedBy.SUPERVISION, "marker_tracker ended with exit code -9"),
             machine=Motion.TURNING,
@@ -88,7 +88,7 @@ def test_a_machine_that_may_turn_comes_before_everything_else() -> None:
     )
     assert outcome.sentences[:3] == (
         "THE MACHINE still turns: no answer from rig/stop in 0.8 s",
-        "ended by supervision after 0.76 of 4.85 turns, 3.40 of 20.00 s, 0 of 4 markers: "
+        "ended by supervision after 1.17 of 6.30 turns, 4.60 of 23.00 s, 1 of 5 markers: "
         "marker_tracker ended with exit code -9",
         "events.jsonl is incomplete: disk full",
     )

@@ -3,7 +3,7 @@
 import sys
 
 from marker_tracker_node.node import ComposedTrackerNode, MarkerTrackerNode
-from winding_core.camera_source import CameraSource, CameraSourceError
+from winding_core.machine.camera_source import CameraSource, CameraSourceError
 from winding_ros.runtime.process import EXIT_REFUSED, run_node
 
 

@@ -96,7 +96,7 @@ class Stop:
 class Cause:
     """Why a run ended, or why its machine was stopped."""
 
-    by: EndedBy
+    by: EndedBy  # Who or what ended it
     source: str  # Node, signal or service that it is about
     text: str  # One sentence
     t: float | None = None  # Time of the run [s]
@@ -107,7 +107,7 @@ class Ending:
     """How a run ended; without a cause it came to its end."""
 
     cause: Cause | None = None  # The first
-    machine: Motion = Motion.STANDING
+    machine: Motion = Motion.STANDING  # What is known of it now
     stops: tuple[Stop, ...] = ()  # Each, in order
     events: tuple[Event, ...] = ()  # What supervision saw and did, in order
 
@@ -154,9 +154,9 @@ class Extent:
 class RunOutcome:
     """How a run came out. Every output prints this record."""
 
-    asked: Extent
-    done: Extent
-    ending: Ending
+    asked: Extent  # How far it was to go
+    done: Extent  # How far it went
+    ending: Ending  # How it ended
     losses: tuple[str, ...] = ()  # What was lost or refused, a sentence each
     lengths: ErrorVerdict | None = None  # Of the corrected lengths
     lay: LayVerdict | None = None  # Of a lay that the controller drove

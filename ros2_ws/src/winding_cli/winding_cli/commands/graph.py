@@ -95,7 +95,7 @@ def _topics() -> list[str]:
     lines.append(
         f"| `{heartbeat_topic('<node>')}` | `std_msgs/msg/Header` "
         f"| every node, orchestrator, supervised page | {1.0 / PERIOD:g} Hz "
-        f"| reliable, depth 1, liveliness {LEASE:g} s | no "
+        f"| reliable, depth 1, liveliness {LEASE:g} s but for the orchestrator's | no "
         "| signs of life; the stamp is wall time |"
     )
     return lines

@@ -21,8 +21,8 @@ from winding_cli.terminal.output_path import (
 from winding_cli.terminal.record_options import Typed, spelled
 from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.ros_environment import refuse_open
-from winding_core.camera_source import CameraSource
 from winding_core.machine.axes import MachineAxes
+from winding_core.machine.camera_source import CameraSource
 from winding_core.parameters import ParameterError, build, declared_in, typed_values
 from winding_core.run_options import BY_MOTION, CameraPlacement
 from winding_core.run_spec import RunSpec

@@ -153,7 +153,7 @@ class RunRecord(AxisSpeeds):
     tracked: MarkerSeries  # Markers of the camera
     corrected: MarkerSeries  # Markers after the correction factor
     rows: tuple[MarkerRow, ...]  # P1, P2, ... at the end of the run
-    outcome: RunOutcome
+    outcome: RunOutcome  # How it came out
     frames: int | None = None  # Camera frames tracked
     frames_lost: int | None = None  # Camera frames that never reached the recorder
     joint_states: int | None = None  # Encoder samples recorded
