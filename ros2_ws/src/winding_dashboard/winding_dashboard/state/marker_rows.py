@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from winding_core.markers import MarkerFlag, Markers
 
 NAN = float("nan")
-MOST_MARKERS = 8
+# Rows from the start, and rows at most.
+USUAL_MARKERS, MOST_MARKERS = 4, 8
 # The gravest first.
 _STATES = (
     (MarkerFlag.NOT_WOUND, "not wound"),
@@ -44,7 +45,7 @@ class MarkerRow:
 def marker_rows(
     *, ahead: Markers, predicted: Markers, corrected: Markers, tracked: Markers
 ) -> list[MarkerRow]:
-    """Return a row for every marker but P0 that any source names, by number."""
+    """Return a row for the usual markers and every other but P0 that a source names, by number."""
     sources = {
         "ahead": _lengths(ahead),
         "predicted": _lengths(predicted),
@@ -53,7 +54,7 @@ def marker_rows(
     }
     low, high = _column(corrected, "s_low"), _column(corrected, "s_high")
     states = {int(marker["id"]): _state(int(marker["flags"])) for marker in tracked}
-    numbers = sorted({number for found in sources.values() for number in found} | set(states))
+    named = {number for found in sources.values() for number in found} | set(states)
     return [
         MarkerRow(
             id=number,
@@ -62,7 +63,7 @@ def marker_rows(
             high=high.get(number, NAN),
             state=states.get(number, _unseen(sources, number)),
         )
-        for number in numbers
+        for number in sorted(named | set(range(1, USUAL_MARKERS + 1)))
         if 0 < number <= MOST_MARKERS
     ]
 
