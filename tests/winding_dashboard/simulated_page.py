@@ -13,6 +13,7 @@ from winding_core.cable.wound_label import WoundLabel
 from winding_core.run_options import OperatorLimits
 from winding_core.status import Level, Status
 from winding_dashboard.page.commands import Choice, CommandError, Graph
+from winding_dashboard.page.recipes import Recipes
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
@@ -66,6 +67,11 @@ class Machine:
         self.done.append("record" if on else "end")
         return "recording into bag" if on else "bag: 7 messages"
 
+    async def play(self, **asked: object) -> None:
+        if self.refusal:
+            raise CommandError(self.refusal)
+        self.done.append(f"play {asked}")
+
     async def renew(self) -> str:
         self.done.append("renew")
         return "the machine and its watchers stand at the start of a run"
@@ -113,7 +119,10 @@ def served(
 ) -> Served:
     """Return everything behind a page, as `winding_dashboard.__main__` puts it together."""
     kept = [OperatorLimits(**limits)]
-    session = OperatorSession(state, graph, lambda: kept[-1], lambda: "12:00:00", kept.append)
+    recipes = Recipes(runs and runs / "recipes")
+    session = OperatorSession(
+        state, graph, recipes, lambda: kept[-1], lambda: "12:00:00", kept.append
+    )
     templates, listed = Templates(), RunList(runs)
     snapshots = Snapshots(state, session, listed, templates.part, clock, server)
     return Served(session=session, snapshots=snapshots, runs=listed, templates=templates)

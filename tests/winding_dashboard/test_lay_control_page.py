@@ -160,7 +160,7 @@ def test_leaving_a_machine_that_winds_is_asked_about_first() -> None:
     graph = Controlled(state)
     desk = Desk(state, graph)
     assert desk.look()["ask"]["mode-watch"] == "ask-watch"
-    desk.ask("/mode/watch")
+    desk.ask("/command/lay_control_watch")
     assert graph.done == ["lay_control_watch"]
 
 
@@ -179,4 +179,4 @@ def test_driving_is_asked_about_and_a_standing_machine_is_left_at_once() -> None
 def test_refused_switch_is_one_sentence() -> None:
     state = controlled(mode=WATCH)
     desk = Desk(state, Controlled(state, refusal="lay_control is not active"))
-    assert desk.ask("/mode/off").endswith("lay control: lay_control is not active")
+    assert desk.ask("/command/lay_control_off").endswith("lay control: lay_control is not active")

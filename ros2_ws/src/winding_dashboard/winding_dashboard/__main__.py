@@ -19,6 +19,7 @@ from starlette.applications import Starlette
 from winding_core.parameters import ParameterError
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError
+from winding_dashboard.page.recipes import Recipes
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
@@ -64,14 +65,16 @@ def main(arguments: Sequence[str] | None = None, values: Mapping[str, object] | 
 def serve(node: DashboardNode) -> None:
     """Serve the page of a node; return when the web server has ended."""
     parameters = node.parameters
+    folder = Path(parameters.runs) if parameters.runs else None
     session = OperatorSession(
         node.state,
         node.service_client,
+        Recipes(folder and folder / "recipes"),
         lambda: node.limits,
         lambda: time.strftime("%H:%M:%S"),
         node.set_limits,
     )
-    runs = RunList(Path(parameters.runs) if parameters.runs else None)
+    runs = RunList(folder)
     templates = Templates()
     snapshots = Snapshots(
         node.state, session, runs, templates.part, time.monotonic, secrets.token_hex(4)

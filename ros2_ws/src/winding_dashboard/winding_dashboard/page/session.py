@@ -5,26 +5,21 @@ All browsers share it, so that a page that is loaded anew shows what the others 
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from winding_core.lay.records import ControlMode
+from winding_core.cable.condition import Condition
 from winding_core.parameters import typed_values
 from winding_core.run_options import OperatorLimits
+from winding_core.run_spec import SECTION_OF
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page import commands
-from winding_dashboard.page.commands import Choice, CommandError, Graph
-from winding_dashboard.page.condition_form import filled_condition, form_values
+from winding_dashboard.page.commands import TITLES, Choice, CommandError, Graph
+from winding_dashboard.page.condition_form import form_values, label, typed_options
+from winding_dashboard.page.recipes import Recipes
 from winding_dashboard.state.view_state import ViewState
 
-TITLES = {
-    commands.START: "Start",
-    commands.STOP: "Stop",
-    commands.RESET: "Reset",
-    commands.EMERGENCY_STOP: "EMERGENCY STOP",
-}
 PLAYED = "a recording is played; there is no machine"
 # Every node reports once a second: a page that has listened for longer knows the present [s].
 _LISTENED = 1.5
@@ -38,45 +33,40 @@ class OperatorSession:
     Args:
         state: What is known of the run.
         graph: What is commanded.
+        recipes: Conditions that are kept.
         limits: Returns what counts as good.
         time_of_day: Returns the time as it stands before a sentence.
         keep: Takes limits that an operator has set.
-
-    Attributes:
-        answer: What came of the last request, with its time of day; empty before any.
-        alarm: Whether that was a refusal.
-        choice: What the solver is set to wind; None before it answered.
-        preparing: What is being done while another run is prepared; empty otherwise.
-        refused: Why the last preparation was refused; empty otherwise.
     """
 
     def __init__(
         self,
         state: ViewState,
         graph: Graph,
+        recipes: Recipes,
         limits: Callable[[], OperatorLimits],
         time_of_day: Callable[[], str],
         keep: Callable[[OperatorLimits], object],
     ) -> None:
         self._state, self._graph, self._time_of_day = state, graph, time_of_day
         self._limits, self._keep = limits, keep
-        self.answer, self.alarm = "", False
-        self.choice: Choice | None = None
-        self.preparing = self.refused = ""
+        self.recipes = recipes
+        self.answer = ""  # What came of the last request, with its time of day
+        self.alarm = False  # Whether that was a refusal
+        self.choice: Choice | None = None  # What the solver is set to; None before it answered
+        self.preparing = ""  # What the nodes are taken through now
+        self.refused = ""  # Why the last preparation was refused
         self._recording = False
 
     async def command(self, name: str) -> None:
-        """Give a command to the machine."""
-        title = TITLES[name].lower()
+        """Give a command to the machine or to the controller of the lay."""
+        title = TITLES[name]
         if not await self._do(title, self._graph.command(name)) or name != commands.RESET:
             return
         self._state.clear()
-        with self._showing("the nodes begin a new run"):
-            await self._do(title, self._graph.renew())
-
-    async def switch(self, mode: ControlMode) -> None:
-        """Switch the controller of the lay."""
-        await self._do("lay control", self._graph.command(commands.LAY_CONTROL[mode]))
+        self.preparing = "the nodes begin a new run"
+        await self._do(title, self._graph.renew())
+        self.preparing = ""
 
     async def record(self, *, on: bool) -> None:
         """Begin a recording or end it."""
@@ -87,6 +77,16 @@ class OperatorSession:
         finally:
             self._recording = False
 
+    async def play(self, asked: Mapping[str, Any]) -> None:
+        """Go to `position` [s] of a recording that is played, or switch `paused`."""
+        position, paused = asked.get("position"), asked.get("paused")
+        if isinstance(position, int | float):
+            await self._do("playback", self._graph.play(position=float(position)))
+        elif isinstance(paused, bool):
+            await self._do("playback", self._graph.play(paused=paused))
+        else:
+            self.refuse("playback", "give a position in seconds, or whether it is paused")
+
     async def prepare(self, form: Mapping[str, Any]) -> None:
         """Set another condition on every node.
 
@@ -95,47 +95,61 @@ class OperatorSession:
                 `check` it is looked at only.
         """
         if reason := self.unprepared():
-            self._answer(f"prepare: {reason}", alarm=True)
+            self.refuse("prepare", reason)
             return
         try:
-            condition = filled_condition(
-                int(form.get("case") or 0), str(form.get("law")), dict(form.get("fields") or {})
-            )
-        except (ValueError, TypeError) as error:
-            self._refuse_preparation(error)
-            return
-        self.refused = ""
-        if form.get("check"):
-            self._answer("prepare: the form is complete; the present run will be dropped")
-            return
-        choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
-        # What comes from now on, the prediction among it, is of the run that is prepared.
-        self._state.begin_anew()
-        with self._showing("preparing"):
-            try:
-                remark = await self._graph.prepare(choice, self._show)
-            except CommandError as error:
-                self._refuse_preparation(error)
+            self.refused = ""
+            condition = Condition.from_typed(typed_options(form), spelling=label)
+            if form.get("check"):
+                self._answer("prepare: the form is complete; the present run will be dropped")
                 return
+            choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
+            # What comes from now on, the prediction among it, is of the run that is prepared.
+            self._state.begin_anew()
+            self._show("preparing")
+            remark = await self._graph.prepare(choice, self._show)
+        except (ValueError, TypeError, CommandError) as error:
+            self.refused = str(error)
+            self.refuse("prepare", self.refused)
+            return
+        finally:
+            self._show("")
         self.choice = choice
         case = condition.resolved().case
         name = f"case {case.number}" if case.number else "a condition of your own"
         self._answer(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
 
-    def _refuse_preparation(self, error: Exception) -> None:
-        self.refused = str(error)
-        self._answer(f"prepare: {error}", alarm=True)
+    def save_recipe(self, name: str, form: Mapping[str, Any]) -> None:
+        """Keep what stands in the form as a cell file."""
+        try:
+            self.recipes.save(name, typed_options(form))
+        except (ValueError, TypeError, OSError) as error:
+            self.refuse("recipe", str(error))
+        else:
+            self._answer(f"recipe: {name} is kept")
+
+    def load_recipe(self, name: str) -> dict[str, Any]:
+        """Return what a kept recipe puts into the form; empty when it is refused."""
+        try:
+            spec = self.recipes.load(name)
+        except (ValueError, OSError) as error:
+            self.refuse("recipe", str(error))
+            return {}
+        left = [key for key in spec.given if SECTION_OF[key] != "condition"]
+        remark = f"; not {', '.join(left)}, which the run has already" if left else ""
+        self._answer(f"recipe: {name} stands in the form{remark}")
+        return _form(spec.condition)
 
     def set_limits(self, typed: Mapping[str, Any]) -> None:
         """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
         empty = [LIMIT_LABELS.get(key, key) for key, value in typed.items() if value in (None, "")]
         if empty:
-            self._answer(f"limits: {empty[0]} is empty; give a number", alarm=True)
+            self.refuse("limits", f"{empty[0]} is empty; give a number")
             return
         try:
             found: dict[str, Any] = typed_values(OperatorLimits, typed, LIMIT_LABELS.__getitem__)
         except (ValueError, TypeError) as error:
-            self._answer(f"limits: {error}", alarm=True)
+            self.refuse("limits", str(error))
             return
         self._keep(replace(self.limits, **found))
         self._answer(
@@ -163,13 +177,7 @@ class OperatorSession:
         """Return what stands in the form; empty before the solver has answered."""
         if self.choice is None:
             return {}
-        condition = self.choice.condition
-        return {
-            "case": condition.case,
-            "law": condition.law,
-            "take_up": self.choice.take_up,
-            "fields": form_values(condition),
-        }
+        return {**_form(self.choice.condition), "take_up": self.choice.take_up}
 
     def choosable(self) -> bool:
         """Return whether there is a condition to show and to change."""
@@ -184,9 +192,7 @@ class OperatorSession:
             return "another run is being prepared"
         if self._state.going:
             return f"cannot be chosen while the machine is {self._state.phase}"
-        if self.choice is None:
-            return "asking the solver what it is set to"
-        return ""
+        return "" if self.choice is not None else "asking the solver what it is set to"
 
     def unrecorded(self) -> str:
         """Return why the recording cannot be switched now; empty when it can."""
@@ -201,15 +207,13 @@ class OperatorSession:
             return PLAYED
         if command in commands.STOPS:
             return ""
-        phase = state.phase if state.heard(now) else ""
-        reason = (
-            self._graph.unavailable(command)
-            or commands.out_of_phase(command, phase)
-            or commands.between_runs(command, state.run_phase, moving=state.moving)
+        reason = self._graph.unavailable(command) or commands.untimely(
+            command,
+            state.phase if state.heard(now) else "",
+            state.run_phase,
+            moving=state.moving,
         )
-        if command == commands.START:
-            reason = reason or self._unready(now)
-        return reason
+        return reason or (self._unready(now) if command == commands.START else "")
 
     def _unready(self, now: float) -> str:
         """Return why nothing should be started at wall time now [s]; empty when it may."""
@@ -229,27 +233,22 @@ class OperatorSession:
         """Report that a request was not carried out."""
         self._answer(f"{what}: {why}", alarm=True)
 
-    async def _do(self, what: str, work: Awaitable[str], done: str = "") -> bool:
+    async def _do(self, what: str, work: Awaitable[str | None], done: str = "") -> bool:
         try:
             answer = await work
         except CommandError as error:
-            self._answer(f"{what}: {error}", alarm=True)
+            self.refuse(what, str(error))
             return False
         if done or answer:
             self._answer(f"{what}: {done or answer}")
         return True
-
-    @contextmanager
-    def _showing(self, what: str) -> Iterator[None]:
-        """Show what the nodes are taken through."""
-        self._show(what)
-        try:
-            yield
-        finally:
-            self._show("")
 
     def _show(self, what: str) -> None:
         self.preparing = what
 
     def _answer(self, sentence: str, *, alarm: bool = False) -> None:
         self.answer, self.alarm = f"{self._time_of_day()}  {sentence}", alarm
+
+
+def _form(condition: Condition) -> dict[str, Any]:
+    return {"case": condition.case, "law": condition.law, "fields": form_values(condition)}

@@ -28,13 +28,13 @@ from winding_dashboard.page.cell import number
 from winding_dashboard.page.control_card import MODES, basis_words, beliefs
 from winding_dashboard.page.figures import figures, material_sentence
 from winding_dashboard.page.run_list import RunList
-from winding_dashboard.page.session import TITLES, OperatorSession
+from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.state.health import RECORDER, recording_sentence
 from winding_dashboard.state.view_state import ViewState
 
 # Nothing is drawn more often than this [s]; charts and lists change more slowly.
 PERIOD = 0.15
-_CHARTS, _LISTS = 0.4, 1.0
+_SLOW = 0.5
 # Diagnostics come once a second: what was heard within this time is the present [s].
 _PRESENT = 1.5
 _REMEMBERED = 256
@@ -83,8 +83,7 @@ class Snapshots:
         self._due = -math.inf
         self._newest: dict[str, Any] = {}
         self._own: dict[Wanted, dict[str, str]] = {}
-        self._charts: tuple[float, dict[str, str]] = (-math.inf, {})
-        self._lists: tuple[float, dict[str, str]] = (-math.inf, {})
+        self._slow: tuple[float, dict[str, str]] = (-math.inf, {})
 
     def snapshot(self, wanted: Wanted) -> dict[str, Any]:
         """Return the newest snapshot as JSON values."""
@@ -107,7 +106,7 @@ class Snapshots:
     def changed(self) -> None:
         """Make the next snapshot anew: an operator did something."""
         self._due = -math.inf
-        self._charts = (-math.inf, {})
+        self._slow = (-math.inf, {})
 
     def age(self, server: object, sequence: object) -> float:
         """Return how old a snapshot is [s]; infinite for one that is no longer kept."""
@@ -122,10 +121,8 @@ class Snapshots:
         while len(self._made) > _REMEMBERED:
             self._made.popitem(last=False)
         self._own = {}
-        if now - self._charts[0] >= _CHARTS:
-            self._charts = (now, self._chart_parts())
-        if now - self._lists[0] >= _LISTS:
-            self._lists = (now, self._list_parts(now))
+        if now - self._slow[0] >= _SLOW:
+            self._slow = (now, self._chart_parts() | self._list_parts(now))
         silent = now - max(state.last_data, state.health.last_heard)
         off = self._off(now)
         self._newest = {
@@ -135,7 +132,7 @@ class Snapshots:
             "resets": state.resets,
             "age": None if math.isinf(silent) else (silent if silent > _PRESENT else 0.0),
             "texts": self._texts(now),
-            "parts": self._quick_parts(now) | self._charts[1] | self._lists[1],
+            "parts": self._quick_parts(now) | self._slow[1],
             "off": off,
             "ask": self._ask(now),
             "hidden": self._hidden(now, off),
@@ -147,6 +144,7 @@ class Snapshots:
                 "control-basis": basis_words(state.control, state.time)[1],
                 "prepare-answer": bool(session.refused),
             },
+            "playback": state.playback,
             "picture": base64.b64encode(state.picture).decode("ascii"),
         }
 
@@ -204,11 +202,12 @@ class Snapshots:
             "nodes": self._render("nodes", {"rows": self._state.health.rows(now)[:_MOST_NODES]}),
             "runs": self._render("runs", {"runs": self._runs.runs()}),
             "others": self._render("others", {"rows": sorted(self._state.others.items())}),
+            "recipes": self._render("recipes", {"names": self._session.recipes.names()}),
         }
 
     def _off(self, now: float) -> dict[str, str]:
         session = self._session
-        off = {name: session.unavailable(name, now) for name in TITLES}
+        off = {name: session.unavailable(name, now) for name in commands.MACHINE}
         off |= {
             name: session.unavailable(commands.LAY_CONTROL[mode], now)
             for mode, name in _MODES.items()
@@ -237,6 +236,8 @@ class Snapshots:
             "control-card": not control,
             "helix-card": control or not len(state.lay),
             "runs-card": self._runs.folder is None,
+            "recipe-row": self._runs.folder is None or bool(state.player),
+            "playback": state.playback is None,
             "others-card": not state.others,
             "condition-fields": not self._session.choosable(),
             "lay-limit": not control,

@@ -11,11 +11,11 @@ from winding_core.cable.cases import paper_cases
 from winding_core.cable.condition import Condition
 from winding_core.cable.wound_label import WoundLabel
 from winding_core.lay.errors import turn_state
-from winding_core.lay.records import ControlMode
 from winding_core.status import Level
 from winding_core.units import MILLIMETRE
 from winding_dashboard.drawings.run_charts import CHARTS
 from winding_dashboard.page.cell import millimetres, number
+from winding_dashboard.page.commands import LAY_CONTROL
 from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, brief, hint, label
 from winding_dashboard.page.session import LIMIT_LABELS
 from winding_dashboard.state.marker_rows import MOST_MARKERS
@@ -42,7 +42,7 @@ def page_content() -> dict[str, Any]:
         "limit_labels": LIMIT_LABELS,
         "charts": CHARTS,
         "most_markers": MOST_MARKERS,
-        "modes": [mode.name.lower() for mode in ControlMode],
+        "modes": {mode.name.lower(): name for mode, name in LAY_CONTROL.items()},
     }
 
 

@@ -18,7 +18,7 @@ from winding_core.cable.wound_label import WoundLabel
 from winding_core.lay.records import LAY_DTYPE, LayRecords
 from winding_core.machine.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
-from winding_core.status import OUTCOME_COMPONENT, STATUS, RunPhase, Status
+from winding_core.status import OUTCOME_COMPONENT, PLAYBACK, STATUS, RunPhase, Status
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.control_state import ControlState
 from winding_dashboard.state.health import RECORDER, SILENCE, Health
@@ -184,6 +184,18 @@ class ViewState:
         silent = self.health.silent_for(RECORDER, now) > SILENCE
         over = self.run_phase is RunPhase.FAILED or bool(self.player)
         return {} if silent or over else self.health.values(RECORDER)
+
+    @property
+    def playback(self) -> dict[str, float] | None:
+        """Position and length of the recording that is played [s], and whether it is paused.
+
+        None where no player reports them.
+        """
+        try:
+            values = self.health.values(PLAYBACK) if self.player else {}
+            return {name: float(values[name]) for name in ("position", "length", "paused")}
+        except (KeyError, ValueError):
+            return None
 
     def heard(self, now: float) -> bool:
         """Return whether anything came lately, at wall time now [s]."""

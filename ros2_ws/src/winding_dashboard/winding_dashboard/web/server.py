@@ -23,11 +23,10 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 
-from winding_core.lay.records import ControlMode
 from winding_dashboard.drawings.cylinder_view import Sight
-from winding_dashboard.page import commands
+from winding_dashboard.page.commands import STOPS, TITLES
 from winding_dashboard.page.run_list import RunList
-from winding_dashboard.page.session import TITLES, OperatorSession
+from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots, Wanted
 from winding_dashboard.page.templates import Templates, page_content
 from winding_dashboard.state.marker_rows import MOST_MARKERS
@@ -41,8 +40,6 @@ _LARGEST_REQUEST = 100_000
 # Digits of a whole number that counts snapshots or picks a case.
 _LONGEST_NUMBER = 15
 _STEEPEST = 80.0
-# Whatever the page believes, these are carried out.
-_ALWAYS = (commands.STOP, commands.EMERGENCY_STOP)
 
 Lifespan = Callable[[Starlette], AbstractAsyncContextManager[None]]
 
@@ -76,10 +73,11 @@ def application(
             Route("/page.js", pages.script),
             Route("/snapshot", pages.snapshot),
             Route("/command/{name}", pages.command, methods=["POST"]),
-            Route("/mode/{name}", pages.mode, methods=["POST"]),
             Route("/prepare", pages.prepare, methods=["POST"]),
             Route("/record", pages.record, methods=["POST"]),
             Route("/limits", pages.limits, methods=["POST"]),
+            Route("/recipe/{name}", pages.recipe, methods=["POST"]),
+            Route("/playback", pages.playback, methods=["POST"]),
             Route("/runs/{path:path}", pages.report),
             Route("/{path:path}", pages.nothing),
         ],
@@ -135,44 +133,50 @@ class _Pages:
         name = str(request.path_params["name"])
         if name not in TITLES:
             return PlainTextResponse(f"there is no command {name}", 404)
-        return await self._answered(
-            request,
-            TITLES[name].lower(),
-            lambda _: self._session.command(name),
-            always=name in _ALWAYS,
-        )
 
-    async def mode(self, request: Request) -> Response:
-        name = str(request.path_params["name"]).upper()
-        if name not in ControlMode.__members__:
-            return PlainTextResponse(f"there is no mode {name.lower()}", 404)
-        mode = ControlMode[name]
-        return await self._answered(request, "lay control", lambda _: self._session.switch(mode))
+        async def do(_: Mapping[str, Any]) -> None:
+            await self._session.command(name)
+
+        return await self._answered(request, TITLES[name], do, always=name in STOPS)
 
     async def prepare(self, request: Request) -> Response:
         async def do(body: Mapping[str, Any]) -> None:
-            form = body.get("form")
-            await self._session.prepare(form if isinstance(form, dict) else {})
+            await self._session.prepare(_object(body, "form"))
 
         return await self._answered(request, "prepare", do)
 
     async def record(self, request: Request) -> Response:
-        return await self._answered(
-            request, "recording", lambda body: self._session.record(on=bool(body.get("on")))
-        )
+        async def do(body: Mapping[str, Any]) -> None:
+            await self._session.record(on=bool(body.get("on")))
+
+        return await self._answered(request, "recording", do)
+
+    async def playback(self, request: Request) -> Response:
+        return await self._answered(request, "playback", self._session.play, always=True)
 
     async def limits(self, request: Request) -> Response:
         async def do(body: Mapping[str, Any]) -> None:
-            limits = body.get("limits")
-            self._session.set_limits(limits if isinstance(limits, dict) else {})
+            self._session.set_limits(_object(body, "limits"))
 
         return await self._answered(request, "limits", do, always=True)
+
+    async def recipe(self, request: Request) -> Response:
+        async def save(body: Mapping[str, Any]) -> None:
+            self._session.save_recipe(str(body.get("name")), _object(body, "form"))
+
+        async def load(body: Mapping[str, Any]) -> dict[str, Any]:
+            return {"form": self._session.load_recipe(str(body.get("name")))}
+
+        asked = {"save": save, "load": load}.get(str(request.path_params["name"]))
+        if asked is None:
+            return PlainTextResponse("a recipe is saved or loaded", 404)
+        return await self._answered(request, "recipe", asked, always=True)
 
     async def _answered(
         self,
         request: Request,
         what: str,
-        do: Callable[[Mapping[str, Any]], Awaitable[None]],
+        do: Callable[[Mapping[str, Any]], Awaitable[dict[str, Any] | None]],
         *,
         always: bool = False,
     ) -> Response:
@@ -181,20 +185,22 @@ class _Pages:
         Args:
             request: With JSON of the snapshot that was seen, and more.
             what: Name of what is asked for.
-            do: Does it.
+            do: Does it; returns what the browser gets beside the answer.
             always: It is done whatever was seen.
         """
         body = await _json(request)
         if body is None:
             return PlainTextResponse("the request must be a JSON object", 400)
+        more = None
         age = self._snapshots.age(body.get("server"), body.get("sequence"))
         if age > SEEN_WITHIN and not always:
             seen = f"{age:.0f} s old" if math.isfinite(age) else "too old"
             self._session.refuse(what, f"nothing was done, for the page was {seen}; look again")
         else:
-            await do(body)
+            more = await do(body)
         self._snapshots.changed()
-        return JSONResponse({"answer": self._session.answer, "refused": self._session.alarm})
+        answer = {"answer": self._session.answer, "refused": self._session.alarm}
+        return JSONResponse({**answer, **(more or {})})
 
 
 async def _json(request: Request) -> dict[str, Any] | None:
@@ -214,6 +220,11 @@ async def _json(request: Request) -> dict[str, Any] | None:
     except (ValueError, RecursionError, ClientDisconnect):
         return None
     return body if isinstance(body, dict) else None
+
+
+def _object(body: Mapping[str, Any], name: str) -> dict[str, Any]:
+    found = body.get(name)
+    return found if isinstance(found, dict) else {}
 
 
 def _whole_number(text: str) -> int:

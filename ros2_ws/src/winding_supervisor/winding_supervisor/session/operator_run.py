@@ -261,8 +261,9 @@ class OperatorRun:
         self._open, self._over = False, time.monotonic()
         if self._log.held is not None:
             self._log.end(self._log.held)
-        recorded = self._recorder.bags
-        bags, self._bags = recorded.present(self._bags), len(recorded.folders)
+        bags = self._recorder.bags.present(self._bags)
+        # The next run's may have begun already, without a file yet.
+        self._bags = self._recorder.bags.folders.index(bags[-1]) + 1 if bags else self._bags
         run = OperatedRun(
             buffer=buffer,
             wound=dict(self._wound) if self._reading is None or self._reading.done() else {},
