@@ -67,10 +67,11 @@ class Machine:
         self.done.append("record" if on else "end")
         return "recording into bag" if on else "bag: 7 messages"
 
-    async def play(self, **asked: object) -> None:
+    async def play(self, **asked: object) -> str:
         if self.refusal:
             raise CommandError(self.refusal)
         self.done.append(f"play {asked}")
+        return ""
 
     async def renew(self) -> str:
         self.done.append("renew")

@@ -2,11 +2,9 @@
 
 import asyncio
 import http.client
-import resource
-import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -17,7 +15,7 @@ from winding_dashboard.web.connections import Bounds, Connections
 
 pytestmark = pytest.mark.timeout(600)
 
-FILES, CROWD = 512, 1200
+FILES = 512
 STOP = "/command/emergency_stop"
 
 
@@ -148,16 +146,6 @@ def test_silent_connection_is_cut_and_one_that_still_takes_an_answer_is_not() ->
 
 
 @pytest.fixture
-def crowd() -> Iterator[ExitStack]:
-    """Let this process hold a crowd's connections."""
-    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], CROWD + 500), limits[1]))
-    with ExitStack() as stack:
-        yield stack
-    resource.setrlimit(resource.RLIMIT_NOFILE, limits)
-
-
-@pytest.fixture
 def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]]:
     """Serve the page of a made-up run to a crowd that begins a request and goes no further."""
 
@@ -173,9 +161,7 @@ def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]
         )  # fmt: skip
         crowd.callback(page.terminate)
         serving.wait_for_page(f"http://127.0.0.1:{port}/")
-        for _ in range(CROWD):
-            connection = crowd.enter_context(socket.create_connection(("127.0.0.1", port)))
-            connection.sendall(opening)
+        serving.half_open(crowd, port, opening)
         return port, page
 
     return serve

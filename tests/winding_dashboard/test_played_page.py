@@ -38,6 +38,7 @@ def test_a_played_bag_looks_like_playback(
     )
     try:
         desk.phase("playback")
+        desk.wait_for("parseFloat(document.querySelector('#clock').innerText) > 0.3")
         clock: list[float] = []
         while player.poll() is None:
             shown = desk.measured("document.querySelector('#clock').innerText")
@@ -62,3 +63,33 @@ def test_a_played_bag_looks_like_playback(
     assert any(f"{1e3 * recorded['s_corrected_m']:.2f}" in cell for cell in rows[0])
     assert desk.misfits() == []
     assert desk.complaints == []
+
+
+def test_slider_pauses_a_played_bag_and_goes_to_a_place(
+    recorded_run: Any, page_url: str, new_tab: Callable[[str, str], Any], pictures: Any
+) -> None:
+    tab = new_tab("phone", page_url)
+    player = subprocess.Popen(
+        [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag), "--loop",
+         "--rate", "0.5"]
+    )  # fmt: skip
+    try:
+        slider = tab.page.get_by_label("Place in the recording, s")
+        slider.wait_for()
+        tab.page.get_by_role("button", name="Pause", exact=True).click()
+        tab.page.get_by_role("button", name="Go on", exact=True).wait_for()
+        for place in ("3.7", "1.4", "4.3"):
+            slider.fill(place)
+            tab.wait_for(f"Math.abs(shown.playback.position - {place}) < 0.01")
+            # The machine's clock begins a moment before what is recorded of it.
+            tab.wait_for(f"Math.abs(shown.time - {place}) < 0.3")
+            tab.wait_for("document.querySelector('#markers tbody tr')")
+            tab.wait_for("document.querySelector('#band').innerText.includes('CASE 4')")
+        tab.shoot(pictures, "slider")
+        assert tab.misfits() == []
+        tab.page.get_by_role("button", name="Go on", exact=True).click()
+        tab.wait_for("shown.playback.position > 4.5")
+        assert tab.complaints == []
+    finally:
+        player.kill()
+        player.wait()

@@ -76,7 +76,7 @@ class Graph(Protocol):
     async def record(self, on: bool) -> str:
         """Begin a recording or end it; return the recorder's answer."""
 
-    async def play(self, *, position: float | None = None, paused: bool | None = None) -> None:
+    async def play(self, *, position: float | None = None, paused: bool | None = None) -> str:
         """Go to a place of the recording that is played [s], or pause it or go on."""
 
 

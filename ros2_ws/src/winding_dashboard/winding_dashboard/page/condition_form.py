@@ -46,11 +46,12 @@ def typed_options(form: Mapping[str, Any]) -> dict[str, object]:
             for the default there.
 
     Raises:
-        ParameterError: There is no such field.
-        ValueError: The case is no number.
-        TypeError: As before, or the fields are none.
+        ValueError: There is no such field, or what stands there is no form.
     """
-    case, filled = int(form.get("case") or 0), dict(form.get("fields") or {})
+    try:
+        case, filled = int(form.get("case") or 0), dict(form.get("fields") or {})
+    except TypeError as error:
+        raise ValueError(f"this is no form: {error}") from None
     refuse_unknown(filled, FIELDS, owner="the form")
     typed = {
         key: _whole(FIELDS[key], value)

@@ -34,17 +34,19 @@ class Recipes:
         """Keep options of a run.
 
         Raises:
-            ValueError: There is no such name or it is taken, or the options are refused.
-            OSError: The file cannot be written.
+            ValueError: There is no such name or it is taken, the options are refused, or the file
+                cannot be written.
         """
         path = self._path(name)
         text = RunSpec.from_cell(None, typed, label).text()
-        path.parent.mkdir(exist_ok=True)
         try:
+            path.parent.mkdir(exist_ok=True)
             with path.open("x", encoding="utf-8") as file:
                 file.write(text)
         except FileExistsError:
             raise ValueError(f"there is a recipe {name} already; take another name") from None
+        except OSError as error:
+            raise ValueError(f"{path} cannot be written: {error.strerror}") from error
 
     def load(self, name: str) -> RunSpec:
         """Return a kept run.

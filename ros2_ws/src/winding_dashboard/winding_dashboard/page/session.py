@@ -5,7 +5,8 @@ All browsers share it, so that a page that is loaded anew shows what the others 
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -15,7 +16,7 @@ from winding_core.run_options import OperatorLimits
 from winding_core.run_spec import SECTION_OF
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page import commands
-from winding_dashboard.page.commands import TITLES, Choice, CommandError, Graph
+from winding_dashboard.page.commands import Choice, CommandError, Graph
 from winding_dashboard.page.condition_form import form_values, label, typed_options
 from winding_dashboard.page.recipes import Recipes
 from winding_dashboard.state.view_state import ViewState
@@ -55,39 +56,48 @@ class OperatorSession:
         self.alarm = False  # Whether that was a refusal
         self.choice: Choice | None = None  # What the solver is set to; None before it answered
         self.preparing = ""  # What the nodes are taken through now
+        self.loaded: dict[str, Any] = {}  # What a recipe puts into the form
         self.refused = ""  # Why the last preparation was refused
         self._recording = False
 
-    async def command(self, name: str) -> None:
-        """Give a command to the machine or to the controller of the lay."""
-        title = TITLES[name]
-        if not await self._do(title, self._graph.command(name)) or name != commands.RESET:
-            return
-        self._state.clear()
-        self.preparing = "the nodes begin a new run"
-        await self._do(title, self._graph.renew())
-        self.preparing = ""
+    async def ask(self, what: str, work: Awaitable[str]) -> None:
+        """Carry out a request; its sentence, or the reason of a refusal, is the answer."""
+        try:
+            answer = await work
+        except (CommandError, ValueError) as error:
+            self.refuse(what, str(error))
+        else:
+            # What has been done stays true where there is no sentence of its own.
+            self._answer(f"{what}: {answer or 'done'}")
 
-    async def record(self, *, on: bool) -> None:
+    async def command(self, name: str) -> str:
+        """Give a command to the machine or to the controller of the lay."""
+        answer = await self._graph.command(name)
+        if name != commands.RESET:
+            return answer
+        self._state.clear()
+        with self._preparing("the nodes begin a new run"):
+            return await self._graph.renew() or answer
+
+    async def record(self, *, on: bool) -> str:
         """Begin a recording or end it."""
         self._recording = True
         try:
-            # What has been done stays true after the recording has ended.
-            await self._do("recording", self._graph.record(on), "begun" if on else "")
+            answer = await self._graph.record(on)
         finally:
             self._recording = False
+        return "begun" if on else answer
 
-    async def play(self, asked: Mapping[str, Any]) -> None:
+    async def play(self, asked: Mapping[str, Any]) -> str:
         """Go to `position` [s] of a recording that is played, or switch `paused`."""
         position, paused = asked.get("position"), asked.get("paused")
         if isinstance(position, int | float):
-            await self._do("playback", self._graph.play(position=float(position)))
-        elif isinstance(paused, bool):
-            await self._do("playback", self._graph.play(paused=paused))
-        else:
-            self.refuse("playback", "give a position in seconds, or whether it is paused")
+            return await self._graph.play(position=float(position))
+        if isinstance(paused, bool):
+            return await self._graph.play(paused=paused)
+        raise ValueError("give a position in seconds, or whether it is paused")
 
-    async def prepare(self, form: Mapping[str, Any]) -> None:
+    async def prepare(self, form: Mapping[str, Any]) -> str:
         """Set another condition on every node.
 
         Args:
@@ -95,65 +105,49 @@ class OperatorSession:
                 `check` it is looked at only.
         """
         if reason := self.unprepared():
-            self.refuse("prepare", reason)
-            return
+            raise CommandError(reason)
         try:
-            self.refused = ""
             condition = Condition.from_typed(typed_options(form), spelling=label)
+            self.refused = ""
             if form.get("check"):
-                self._answer("prepare: the form is complete; the present run will be dropped")
-                return
+                return "the form is complete; the present run will be dropped"
             choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
             # What comes from now on, the prediction among it, is of the run that is prepared.
             self._state.begin_anew()
-            self._show("preparing")
-            remark = await self._graph.prepare(choice, self._show)
-        except (ValueError, TypeError, CommandError) as error:
+            with self._preparing("preparing"):
+                remark = await self._graph.prepare(choice, self._show)
+        except (ValueError, CommandError) as error:
             self.refused = str(error)
-            self.refuse("prepare", self.refused)
-            return
-        finally:
-            self._show("")
+            raise
         self.choice = choice
         case = condition.resolved().case
         name = f"case {case.number}" if case.number else "a condition of your own"
-        self._answer(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
+        return f"ready to wind {name}{f'; {remark}' if remark else ''}"
 
-    def save_recipe(self, name: str, form: Mapping[str, Any]) -> None:
+    async def save_recipe(self, name: str, form: Mapping[str, Any]) -> str:
         """Keep what stands in the form as a cell file."""
-        try:
-            self.recipes.save(name, typed_options(form))
-        except (ValueError, TypeError, OSError) as error:
-            self.refuse("recipe", str(error))
-        else:
-            self._answer(f"recipe: {name} is kept")
+        self.recipes.save(name, typed_options(form))
+        return f"{name} is kept"
 
-    def load_recipe(self, name: str) -> dict[str, Any]:
-        """Return what a kept recipe puts into the form; empty when it is refused."""
-        try:
-            spec = self.recipes.load(name)
-        except (ValueError, OSError) as error:
-            self.refuse("recipe", str(error))
-            return {}
+    async def load_recipe(self, name: str) -> str:
+        """Put a kept recipe into the form of the browser that asks, as `loaded`."""
+        spec = self.recipes.load(name)
+        self.loaded = _form(spec.condition)
         left = [key for key in spec.given if SECTION_OF[key] != "condition"]
         remark = f"; not {', '.join(left)}, which the run has already" if left else ""
-        self._answer(f"recipe: {name} stands in the form{remark}")
-        return _form(spec.condition)
+        return f"{name} stands in the form{remark}"
 
-    def set_limits(self, typed: Mapping[str, Any]) -> None:
+    async def set_limits(self, typed: Mapping[str, Any]) -> str:
         """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
-        empty = [LIMIT_LABELS.get(key, key) for key, value in typed.items() if value in (None, "")]
-        if empty:
-            self.refuse("limits", f"{empty[0]} is empty; give a number")
-            return
-        try:
-            found: dict[str, Any] = typed_values(OperatorLimits, typed, LIMIT_LABELS.__getitem__)
-        except (ValueError, TypeError) as error:
-            self.refuse("limits", str(error))
-            return
+        for key, value in typed.items():
+            if value in (None, ""):
+                raise ValueError(f"{LIMIT_LABELS.get(key, key)} is empty; give a number")
+        found: dict[str, Any] = typed_values(
+            OperatorLimits, typed, lambda key: LIMIT_LABELS.get(key, key)
+        )
         self._keep(replace(self.limits, **found))
-        self._answer(
-            f"limits: {self.limits.error_limit_pct:g} % of a length, "
+        return (
+            f"{self.limits.error_limit_pct:g} % of a length, "
             f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
         )
 
@@ -233,15 +227,14 @@ class OperatorSession:
         """Report that a request was not carried out."""
         self._answer(f"{what}: {why}", alarm=True)
 
-    async def _do(self, what: str, work: Awaitable[str | None], done: str = "") -> bool:
+    @contextmanager
+    def _preparing(self, what: str) -> Iterator[None]:
+        """Show what the nodes are taken through."""
+        self._show(what)
         try:
-            answer = await work
-        except CommandError as error:
-            self.refuse(what, str(error))
-            return False
-        if done or answer:
-            self._answer(f"{what}: {done or answer}")
-        return True
+            yield
+        finally:
+            self._show("")
 
     def _show(self, what: str) -> None:
         self.preparing = what

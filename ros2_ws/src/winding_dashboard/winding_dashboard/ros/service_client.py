@@ -161,7 +161,7 @@ class ServiceClient:
             await self._driver.renew(name for name in self._nodes if name != topics.RIG)
         return "the machine and its watchers stand at the start of a run"
 
-    async def play(self, *, position: float | None = None, paused: bool | None = None) -> None:
+    async def play(self, *, position: float | None = None, paused: bool | None = None) -> str:
         """Go to a place of the recording that is played [s], or pause it or go on."""
         async with _as_commands():
             if position is not None:
@@ -169,6 +169,7 @@ class ServiceClient:
             if paused is not None:
                 request = SetBool.Request(data=paused)
                 await self._calls.call(SetBool, f"/{PLAYER}/set_paused", request, _ANSWER)
+        return ""
 
     async def axes(self) -> MachineAxes | None:
         """Return how the solver reads the machine's axes; None for a simulated machine."""

@@ -47,20 +47,19 @@ def marker_rows(
 ) -> list[MarkerRow]:
     """Return a row for the usual markers and every other but P0 that a source names, by number."""
     sources = {
-        "ahead": _lengths(ahead),
-        "predicted": _lengths(predicted),
-        "corrected": _lengths(corrected),
-        "measured": _lengths(tracked),
+        "ahead": _column(ahead, "s"),
+        "predicted": _column(predicted, "s"),
+        "corrected": _column(corrected, "s"),
+        "low": _column(corrected, "s_low"),
+        "high": _column(corrected, "s_high"),
+        "measured": _column(tracked, "s"),
     }
-    low, high = _column(corrected, "s_low"), _column(corrected, "s_high")
     states = {int(marker["id"]): _state(int(marker["flags"])) for marker in tracked}
     named = {number for found in sources.values() for number in found} | set(states)
     return [
         MarkerRow(
             id=number,
             **{name: found.get(number, NAN) for name, found in sources.items()},
-            low=low.get(number, NAN),
-            high=high.get(number, NAN),
             state=states.get(number, _unseen(sources, number)),
         )
         for number in sorted(named | set(range(1, USUAL_MARKERS + 1)))
@@ -73,18 +72,12 @@ def _unseen(sources: Mapping[str, Mapping[int, float]], number: int) -> str:
     return "not seen" if math.isfinite(sources["predicted"].get(number, NAN)) else "not wound"
 
 
-def _lengths(markers: Markers) -> dict[int, float]:
-    return {
-        int(marker["id"]): float(marker["s"])
-        for marker in markers
-        if not int(marker["flags"]) & MarkerFlag.NOT_WOUND
-    }
-
-
 def _column(markers: Markers, name: str) -> dict[int, float]:
-    if name not in (markers.dtype.names or ()):
-        return {}
-    return {int(marker["id"]): float(marker[name]) for marker in markers}
+    return {
+        int(marker["id"]): float(marker[name])
+        for marker in markers
+        if not int(marker["flags"]) & MarkerFlag.NOT_WOUND and name in (markers.dtype.names or ())
+    }
 
 
 def _state(flags: int) -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -22,8 +23,7 @@ from winding_core.status import OUTCOME_COMPONENT, PLAYBACK, STATUS, RunPhase, S
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.control_state import ControlState
 from winding_dashboard.state.health import RECORDER, SILENCE, Health
-from winding_dashboard.state.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
-from winding_dashboard.state.trace import NAN, Trace
+from winding_dashboard.state.marker_rows import MOST_MARKERS, NAN, MarkerRow, marker_rows
 
 # The machine's clock went back by more: a new run, or a recording from its beginning [s].
 _NEW_RUN = 0.5
@@ -40,6 +40,9 @@ _STANDS = 0.5
 # Characters of a message that are shown as text.
 _OTHER_LENGTH = 160
 _OUTCOME = f"orchestrator: {OUTCOME_COMPONENT}"
+LENGTHS = ("predicted", "corrected", "low", "high", "measured")
+# Times [s] with what was then.
+Trace = deque[tuple[float, Mapping[str, float]]]
 # Attributes with records that nodes publish while the machine's clock runs.
 SOURCES = ("tracked", "predicted", "corrected", "cable")
 
@@ -67,10 +70,9 @@ class ViewState:
         self.health = Health(nodes)
         self.control = ControlState()
         # Measured and commanded motion, and the curve lengths of each marker by its number.
-        self.speeds = Trace("speed", "speed_set", "feed", "feed_set", "tension", capacity=SAMPLES)
-        self.lengths = {
-            number: Trace("predicted", "corrected", "low", "high", "measured", capacity=SAMPLES)
-            for number in range(1, MOST_MARKERS + 1)
+        self.speeds: Trace = deque(maxlen=SAMPLES)
+        self.lengths: dict[int, Trace] = {
+            number: deque(maxlen=SAMPLES) for number in range(1, MOST_MARKERS + 1)
         }
         self.cable_radius = _DEFAULT_CABLE_RADIUS
         self.camera: CameraView | None = None
@@ -261,25 +263,25 @@ class ViewState:
 
     def tick(self, now: float) -> None:
         """Add one sample to every chart if the machine's clock went on; now is wall time [s]."""
-        if math.isnan(self.time) or self.time <= self.speeds.last_time:
+        if math.isnan(self.time) or (self.speeds and self.time <= self.speeds[-1][0]):
             self.clock_stands = now - self.last_data > _STANDS
             return
         self.last_data, self.clock_stands = now, False
         axes, wanted = self.axes, self.setpoints
         if wanted is not None and abs(wanted.angular_speed) > STANDING:
             self.advance = wanted.feed_speed / wanted.angular_speed
-        self.speeds.append(
-            self.time,
-            axes.angular_speed if axes else NAN,
-            wanted.angular_speed if wanted else NAN,
-            axes.feed_speed if axes else NAN,
-            wanted.feed_speed if wanted else NAN,
-            self.measured[CABLE_TENSION],
-        )
+        sample = {
+            "speed": axes.angular_speed if axes else NAN,
+            "speed_set": wanted.angular_speed if wanted else NAN,
+            "feed": axes.feed_speed if axes else NAN,
+            "feed_set": wanted.feed_speed if wanted else NAN,
+            "tension": self.measured[CABLE_TENSION],
+        }
+        self.speeds.append((self.time, sample))
         for row in self.marker_rows():
-            lengths = (row.predicted, row.corrected, row.low, row.high, row.measured)
-            if any(map(math.isfinite, lengths)):
-                self.lengths[row.id].append(self.time, *lengths)
+            lengths = {name: getattr(row, name) for name in LENGTHS}
+            if any(map(math.isfinite, lengths.values())):
+                self.lengths[row.id].append((self.time, lengths))
 
     def marker_rows(self) -> list[MarkerRow]:
         """Return the table of markers."""

@@ -72,14 +72,9 @@ def application(
             Route("/page.css", pages.style),
             Route("/page.js", pages.script),
             Route("/snapshot", pages.snapshot),
-            Route("/command/{name}", pages.command, methods=["POST"]),
-            Route("/prepare", pages.prepare, methods=["POST"]),
-            Route("/record", pages.record, methods=["POST"]),
-            Route("/limits", pages.limits, methods=["POST"]),
-            Route("/recipe/{name}", pages.recipe, methods=["POST"]),
-            Route("/playback", pages.playback, methods=["POST"]),
+            *(Route(f"/{name}", pages.act, methods=["POST"]) for name in pages.actions),
             Route("/runs/{path:path}", pages.report),
-            Route("/{path:path}", pages.nothing),
+            Route("/{path:path}", pages.nothing, methods=["GET", "POST"]),
         ],
         middleware=[
             Middleware(Gate, token=token, host=host),
@@ -89,11 +84,48 @@ def application(
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Action:
+    """What a browser can ask for."""
+
+    what: str  # Its name in an answer
+    do: Callable[[Mapping[str, Any]], Awaitable[str]]  # Takes what the request brings
+    always: bool = False  # Whether it is done whatever was seen
+
+
+def _actions(session: OperatorSession) -> dict[str, _Action]:
+    """Return every action by its path."""
+
+    def command(name: str) -> _Action:
+        return _Action(what=TITLES[name], do=lambda _: session.command(name), always=name in STOPS)
+
+    def recipe(do: Callable[[Mapping[str, Any]], Awaitable[str]]) -> _Action:
+        return _Action(what="recipe", do=do, always=True)
+
+    return {f"command/{name}": command(name) for name in TITLES} | {
+        "prepare": _Action(what="prepare", do=lambda body: session.prepare(_object(body, "form"))),
+        "record": _Action(
+            what="recording", do=lambda body: session.record(on=bool(body.get("on")))
+        ),
+        "limits": _Action(
+            what="limits",
+            do=lambda body: session.set_limits(_object(body, "limits")),
+            always=True,
+        ),
+        "playback": _Action(what="playback", do=session.play, always=True),
+        "recipe/save": recipe(
+            lambda body: session.save_recipe(str(body.get("name")), _object(body, "form"))
+        ),
+        "recipe/load": recipe(lambda body: session.load_recipe(str(body.get("name")))),
+    }
+
+
 class _Pages:
     def __init__(self, served: Served) -> None:
         self._session, self._snapshots = served.session, served.snapshots
         self._runs = served.runs
         self._page = served.templates.page(page_content())
+        self.actions = _actions(served.session)
 
     async def page(self, _: Request) -> Response:
         return HTMLResponse(self._page, headers={"Cache-Control": "no-store"})
@@ -129,78 +161,23 @@ class _Pages:
             return PlainTextResponse(f"there is no report {path}", 404)
         return FileResponse(file, stat_result=found, headers=OF_REPORTS)
 
-    async def command(self, request: Request) -> Response:
-        name = str(request.path_params["name"])
-        if name not in TITLES:
-            return PlainTextResponse(f"there is no command {name}", 404)
-
-        async def do(_: Mapping[str, Any]) -> None:
-            await self._session.command(name)
-
-        return await self._answered(request, TITLES[name], do, always=name in STOPS)
-
-    async def prepare(self, request: Request) -> Response:
-        async def do(body: Mapping[str, Any]) -> None:
-            await self._session.prepare(_object(body, "form"))
-
-        return await self._answered(request, "prepare", do)
-
-    async def record(self, request: Request) -> Response:
-        async def do(body: Mapping[str, Any]) -> None:
-            await self._session.record(on=bool(body.get("on")))
-
-        return await self._answered(request, "recording", do)
-
-    async def playback(self, request: Request) -> Response:
-        return await self._answered(request, "playback", self._session.play, always=True)
-
-    async def limits(self, request: Request) -> Response:
-        async def do(body: Mapping[str, Any]) -> None:
-            self._session.set_limits(_object(body, "limits"))
-
-        return await self._answered(request, "limits", do, always=True)
-
-    async def recipe(self, request: Request) -> Response:
-        async def save(body: Mapping[str, Any]) -> None:
-            self._session.save_recipe(str(body.get("name")), _object(body, "form"))
-
-        async def load(body: Mapping[str, Any]) -> dict[str, Any]:
-            return {"form": self._session.load_recipe(str(body.get("name")))}
-
-        asked = {"save": save, "load": load}.get(str(request.path_params["name"]))
-        if asked is None:
-            return PlainTextResponse("a recipe is saved or loaded", 404)
-        return await self._answered(request, "recipe", asked, always=True)
-
-    async def _answered(
-        self,
-        request: Request,
-        what: str,
-        do: Callable[[Mapping[str, Any]], Awaitable[dict[str, Any] | None]],
-        *,
-        always: bool = False,
-    ) -> Response:
-        """Do what is asked for, unless the request rests on an old snapshot.
-
-        Args:
-            request: With JSON of the snapshot that was seen, and more.
-            what: Name of what is asked for.
-            do: Does it; returns what the browser gets beside the answer.
-            always: It is done whatever was seen.
-        """
+    async def act(self, request: Request) -> Response:
+        """Do what is asked for, unless the request rests on an old snapshot."""
+        action = self.actions[request.url.path[1:]]
         body = await _json(request)
         if body is None:
             return PlainTextResponse("the request must be a JSON object", 400)
-        more = None
+        self._session.loaded = {}
         age = self._snapshots.age(body.get("server"), body.get("sequence"))
-        if age > SEEN_WITHIN and not always:
+        if age > SEEN_WITHIN and not action.always:
             seen = f"{age:.0f} s old" if math.isfinite(age) else "too old"
-            self._session.refuse(what, f"nothing was done, for the page was {seen}; look again")
+            reason = f"nothing was done, for the page was {seen}; look again"
+            self._session.refuse(action.what, reason)
         else:
-            more = await do(body)
+            await self._session.ask(action.what, action.do(body))
         self._snapshots.changed()
         answer = {"answer": self._session.answer, "refused": self._session.alarm}
-        return JSONResponse({**answer, **(more or {})})
+        return JSONResponse({**answer, "form": self._session.loaded})
 
 
 async def _json(request: Request) -> dict[str, Any] | None:
