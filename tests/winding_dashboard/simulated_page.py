@@ -19,7 +19,7 @@ from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
 from winding_dashboard.page.templates import Templates
 from winding_dashboard.state.view_state import ViewState
-from winding_dashboard.web.server import Served, application
+from winding_dashboard.web.server import application
 
 NODES = ("winding_rig", "cable_fem")
 URL = "http://127.0.0.1"
@@ -117,16 +117,14 @@ def served(
     runs: Path | None = None,
     server: str = "first",
     **limits: float,
-) -> Served:
+) -> Snapshots:
     """Return everything behind a page, as `winding_dashboard.__main__` puts it together."""
     kept = [OperatorLimits(**limits)]
     recipes = Recipes(runs and runs / "recipes")
     session = OperatorSession(
         state, graph, recipes, lambda: kept[-1], lambda: "12:00:00", kept.append
     )
-    templates, listed = Templates(), RunList(runs)
-    snapshots = Snapshots(state, session, listed, templates.part, clock, server)
-    return Served(session=session, snapshots=snapshots, runs=listed, templates=templates)
+    return Snapshots(state, session, RunList(runs), Templates().part, clock, server)
 
 
 class Desk:
@@ -140,7 +138,7 @@ class Desk:
     def __init__(self, state: ViewState, graph: Graph, **given: Any) -> None:
         self.served = served(state, graph, **given)
         self.graph = graph
-        app = application(self.served, token="", host="127.0.0.1")
+        app = application(self.served, Templates().page(), token="", host="127.0.0.1")
         self._transport = httpx.ASGITransport(app=app)
 
     def request(self, method: str, path: str, **more: Any) -> httpx.Response:
@@ -154,7 +152,7 @@ class Desk:
 
     def look(self, query: str = "") -> dict[str, Any]:
         """Return a snapshot of this moment."""
-        self.served.snapshots.changed()
+        self.served.changed()
         answer = self.request("GET", f"/snapshot{query}")
         assert answer.status_code == 200, answer.text
         return dict(answer.json())

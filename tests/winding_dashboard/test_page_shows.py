@@ -24,7 +24,7 @@ from winding_dashboard.state.view_state import ViewState
 def source(clock: Clock) -> tuple[Any, Any]:
     state = fresh_state()
     note_run(state, 20.0, ControlMode.DRIVE)
-    return state, served(state, Machine(), clock=clock).snapshots
+    return state, served(state, Machine(), clock=clock)
 
 
 def test_snapshot_is_made_once_for_everybody_who_asks_in_its_period() -> None:

@@ -25,7 +25,7 @@ from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
 from winding_dashboard.page.templates import Templates
 from winding_dashboard.web.listening import listen
-from winding_dashboard.web.server import Served, application
+from winding_dashboard.web.server import application
 from winding_ros.runtime.process import EXIT_REFUSED, end_with_supervisor
 
 _LOOK, _LIFECYCLE = 0.1, 1.0
@@ -74,10 +74,9 @@ def serve(node: DashboardNode) -> None:
         lambda: time.strftime("%H:%M:%S"),
         node.set_limits,
     )
-    runs = RunList(folder)
     templates = Templates()
     snapshots = Snapshots(
-        node.state, session, runs, templates.part, time.monotonic, secrets.token_hex(4)
+        node.state, session, RunList(folder), templates.part, time.monotonic, secrets.token_hex(4)
     )
 
     async def look() -> None:
@@ -105,9 +104,10 @@ def serve(node: DashboardNode) -> None:
             for loop in loops:
                 loop.cancel()
 
-    served = Served(session=session, snapshots=snapshots, runs=runs, templates=templates)
     print(f"operator's page: http://{parameters.host}:{parameters.port}", flush=True)
-    app = application(served, token=node.token, host=parameters.host, lifespan=lifespan)
+    app = application(
+        snapshots, templates.page(), token=node.token, host=parameters.host, lifespan=lifespan
+    )
     listen(app, parameters.host.strip("[]"), parameters.port)
 
 

@@ -76,7 +76,7 @@ class Snapshots:
         clock: Callable[[], float],
         server: str,
     ) -> None:
-        self._state, self._session, self._runs = state, session, runs
+        self._state, self.session, self.runs = state, session, runs
         self._render, self._clock, self._server = render, clock, server
         self._sequence = 0
         self._made: OrderedDict[int, float] = OrderedDict()
@@ -115,7 +115,7 @@ class Snapshots:
         return self._clock() - self._made.get(sequence, -math.inf)
 
     def _make(self, now: float) -> None:
-        state, session = self._state, self._session
+        state, session = self._state, self.session
         self._sequence += 1
         self._made[self._sequence], self._due = now, now + PERIOD
         while len(self._made) > _REMEMBERED:
@@ -149,7 +149,7 @@ class Snapshots:
         }
 
     def _texts(self, now: float) -> dict[str, str]:
-        state, session = self._state, self._session
+        state, session = self._state, self.session
         recording = state.recording(now)
         unrecorded = session.unrecorded()
         recorded = recording_sentence(state.health.message(RECORDER), recording)
@@ -172,7 +172,7 @@ class Snapshots:
     def _quick_parts(self, now: float) -> dict[str, str]:
         state = self._state
         return {
-            "band": self._render("band", {"cells": band(state, now, self._session.preparing)}),
+            "band": self._render("band", {"cells": band(state, now, self.session.preparing)}),
             "alerts": self._render("alerts", {"warnings": state.health.warnings(now)}),
             "figures": self._render("figures", {"figures": figures(state)}),
             "markers": self._render("markers", {"rows": state.marker_rows(), "old": state.old}),
@@ -183,7 +183,7 @@ class Snapshots:
         }
 
     def _chart_parts(self) -> dict[str, str]:
-        state, tolerance = self._state, self._session.limits.lay_tolerance
+        state, tolerance = self._state, self.session.limits.lay_tolerance
         parts = speed_drawings(state)
         if state.control.known:
             turns = turn_errors(state.lay, state.control.wanted)[-_NEWEST_TURNS:]
@@ -200,13 +200,13 @@ class Snapshots:
     def _list_parts(self, now: float) -> dict[str, str]:
         return {
             "nodes": self._render("nodes", {"rows": self._state.health.rows(now)[:_MOST_NODES]}),
-            "runs": self._render("runs", {"runs": self._runs.runs()}),
+            "runs": self._render("runs", {"runs": self.runs.runs()}),
             "others": self._render("others", {"rows": sorted(self._state.others.items())}),
-            "recipes": self._render("recipes", {"names": self._session.recipes.names()}),
+            "recipes": self._render("recipes", {"names": self.session.recipes.names()}),
         }
 
     def _off(self, now: float) -> dict[str, str]:
-        session = self._session
+        session = self.session
         off = {name: session.unavailable(name, now) for name in commands.MACHINE}
         off |= {
             name: session.unavailable(commands.LAY_CONTROL[mode], now)
@@ -235,11 +235,11 @@ class Snapshots:
             "recording": not state.recording(now).get("bag"),
             "control-card": not control,
             "helix-card": control or not len(state.lay),
-            "runs-card": self._runs.folder is None,
-            "recipe-row": self._runs.folder is None or bool(state.player),
+            "runs-card": self.runs.folder is None,
+            "recipe-row": self.runs.folder is None or bool(state.player),
             "playback": state.playback is None,
             "others-card": not state.others,
-            "condition-fields": not self._session.choosable(),
+            "condition-fields": not self.session.choosable(),
             "lay-limit": not control,
             "no-picture": bool(state.picture),
             # What plays a recording has nothing that could be switched.
@@ -248,7 +248,7 @@ class Snapshots:
 
     def _why_off(self, now: float) -> str:
         """Return why nothing can be started now, beside Start; empty when it can."""
-        reason = self._session.unavailable(commands.START, now)
+        reason = self.session.unavailable(commands.START, now)
         if self._state.player:
             return f"Commands are off: {reason}"
         return f"Start is off: {reason}" if reason and not self._state.going else ""

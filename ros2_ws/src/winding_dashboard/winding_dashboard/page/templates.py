@@ -32,7 +32,7 @@ _TURNS = {"off": "bad", "partly seen": "warn"}
 _PAGE, _PARTS = "page.html", "parts.html"
 
 
-def page_content() -> dict[str, Any]:
+def _page_content() -> dict[str, Any]:
     """Return what the page's template shows."""
     return {
         "cases": _cases(),
@@ -90,9 +90,9 @@ class Templates:
         self._page = environment.get_template(_PAGE)
         self._parts = environment.get_template(_PARTS).module
 
-    def page(self, shown: dict[str, Any]) -> str:
+    def page(self) -> str:
         """Return the page without any value of the run."""
-        return self._page.render(shown)
+        return self._page.render(_page_content())
 
     def part(self, name: str, shown: dict[str, Any]) -> str:
         """Return one part.

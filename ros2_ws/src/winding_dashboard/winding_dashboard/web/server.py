@@ -25,10 +25,8 @@ from starlette.routing import Route
 
 from winding_dashboard.drawings.cylinder_view import Sight
 from winding_dashboard.page.commands import STOPS, TITLES
-from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots, Wanted
-from winding_dashboard.page.templates import Templates, page_content
 from winding_dashboard.state.marker_rows import MOST_MARKERS
 from winding_dashboard.web.access import OF_REPORTS, Gate
 
@@ -44,28 +42,19 @@ _STEEPEST = 80.0
 Lifespan = Callable[[Starlette], AbstractAsyncContextManager[None]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Served:
-    """What the server needs."""
-
-    session: OperatorSession  # Does what operators ask for
-    snapshots: Snapshots  # What is shown
-    runs: RunList  # Whose reports are served
-    templates: Templates  # Of the page
-
-
 def application(
-    served: Served, *, token: str, host: str, lifespan: Lifespan | None = None
+    snapshots: Snapshots, page: str, *, token: str, host: str, lifespan: Lifespan | None = None
 ) -> Starlette:
     """Return the ASGI application.
 
     Args:
-        served: What is behind it.
+        snapshots: What is shown, of the session that does what operators ask for.
+        page: HTML of the page without any value of the run.
         token: Secret that a browser must bring; empty for none.
         host: Address that is served.
         lifespan: What goes on while it serves.
     """
-    pages = _Pages(served)
+    pages = _Pages(snapshots, page)
     return Starlette(
         routes=[
             Route("/", pages.page),
@@ -121,11 +110,9 @@ def _actions(session: OperatorSession) -> dict[str, _Action]:
 
 
 class _Pages:
-    def __init__(self, served: Served) -> None:
-        self._session, self._snapshots = served.session, served.snapshots
-        self._runs = served.runs
-        self._page = served.templates.page(page_content())
-        self.actions = _actions(served.session)
+    def __init__(self, snapshots: Snapshots, page: str) -> None:
+        self._session, self._snapshots, self._page = snapshots.session, snapshots, page
+        self.actions = _actions(snapshots.session)
 
     async def page(self, _: Request) -> Response:
         return HTMLResponse(self._page, headers={"Cache-Control": "no-store"})
@@ -152,7 +139,7 @@ class _Pages:
     async def report(self, request: Request) -> Response:
         path = str(request.path_params["path"])
         try:
-            file = self._runs.file(path)
+            file = self._snapshots.runs.file(path)
             found = None if file is None else file.stat()
         except (OSError, ValueError):
             # No file system takes such a name, or the file has just gone.
