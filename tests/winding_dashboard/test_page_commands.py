@@ -268,7 +268,8 @@ def test_start_is_offered_by_a_page_that_knows_the_present_alone(known: Any, rea
     """As after a restart of the page's process, or of an attached node's."""
     state = fresh_state()
     known(state)
-    seen = Desk(state, Machine()).look()
+    moment = time.monotonic()
+    seen = Desk(state, Machine(), clock=lambda: moment).look()
     assert seen["off"]["start"] == reason
     assert seen["off"]["stop"] == seen["off"]["emergency_stop"] == ""
 
