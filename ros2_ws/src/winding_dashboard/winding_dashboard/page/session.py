@@ -89,7 +89,11 @@ class OperatorSession:
         return "begun" if on else answer
 
     async def play(self, asked: Mapping[str, Any]) -> str:
-        """Go to `position` [s] of a recording that is played, or switch `paused`."""
+        """Go to `position` [s] of a recording that is played, or switch `paused`.
+
+        Raises:
+            ValueError: It is asked for neither.
+        """
         position, paused = asked.get("position"), asked.get("paused")
         if isinstance(position, int | float):
             return await self._graph.play(position=float(position))
@@ -103,6 +107,10 @@ class OperatorSession:
         Args:
             form: What stands in the form: `case`, `law`, `take_up`, and `fields` by option; with
                 `check` it is looked at only.
+
+        Raises:
+            CommandError: That cannot be done now, or a node refused.
+            ValueError: What is typed is refused.
         """
         if reason := self.unprepared():
             raise CommandError(reason)
@@ -138,7 +146,11 @@ class OperatorSession:
         return f"{name} stands in the form{remark}"
 
     async def set_limits(self, typed: Mapping[str, Any]) -> str:
-        """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
+        """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm].
+
+        Raises:
+            ValueError: One of them is refused.
+        """
         for key, value in typed.items():
             if value in (None, ""):
                 raise ValueError(f"{LIMIT_LABELS.get(key, key)} is empty; give a number")

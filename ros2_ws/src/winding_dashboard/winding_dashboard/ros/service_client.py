@@ -95,7 +95,11 @@ class ServiceClient:
         return self._driver.unserved(self._nodes)
 
     async def command(self, command: str) -> str:
-        """Give a command to the machine or to the controller of the lay; return its answer."""
+        """Give a command to the machine or to the controller of the lay; return its answer.
+
+        Raises:
+            CommandError: It was refused, or not answered in time.
+        """
         service = self._service(command)
         emergency = command == commands.EMERGENCY_STOP
         try:
