@@ -79,12 +79,12 @@ class Motion:
                 if status.name == topics.RIG:
                     self.phase = status.values.get("phase", self.phase)
 
-    def reach(self, phase: str) -> None:
-        """Wait until the rig reports a phase."""
+    def reach(self, phase: str, page: Any) -> None:
+        """Wait until the rig reports a phase, while the requests of a page go on."""
         end = time.monotonic() + PATIENCE
         while self.phase != phase:
             assert time.monotonic() < end, f"{self.phase} and not {phase}"
-            time.sleep(0.01)
+            page.wait_for_timeout(10)
 
     def close(self) -> None:
         import rclpy

@@ -155,7 +155,7 @@ def test_the_machine_stops_from_every_state_of_the_page(
     for state in ("", "crowd", *questions.values()):
         tab.can("Start")
         asked(tab, "start")
-        operated.motion.reach("winding")
+        operated.motion.reach("winding", tab.page)
         if state == "crowd":
             port = int(operated.url.rsplit(":", 1)[1].strip("/"))
             serving.half_open(crowd, port, b"POST /command/stop HTTP/1.1\r\nhost: 127.0.0.1\r\n")
@@ -168,9 +168,9 @@ def test_the_machine_stops_from_every_state_of_the_page(
             by_keyboard(tab.page)
         else:
             tab.page.keyboard.press("Alt+e")
-        operated.motion.reach("emergency stop")
+        operated.motion.reach("emergency stop", tab.page)
         asked(tab, "reset")
-        operated.motion.reach("idle")
+        operated.motion.reach("idle", tab.page)
     assert [text for text in tab.complaints if "ERR_" not in text] == []
     tab.page.unroute_all(behavior="ignoreErrors")
     for opened in (tab, offline):
