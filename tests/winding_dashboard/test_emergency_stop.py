@@ -3,6 +3,7 @@
 import json
 import os
 import select
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,10 @@ def by_keyboard(page: Any) -> None:
 
 def asked(tab: Any, name: str) -> None:
     """Give a command again until it is not refused, as by a page that has fallen behind."""
-    tab.wait_for(f"async () => !(await post('command/{name}')).refused")
+    end = time.monotonic() + TAB_PATIENCE
+    while (answer := tab.page.evaluate(f"post('command/{name}')"))["refused"]:
+        assert time.monotonic() < end, answer
+        tab.page.wait_for_timeout(100)
 
 
 def stopped(page: Any) -> None:
