@@ -61,7 +61,12 @@ function showPlace(playback) {
   slider.max = playback.length;
   // What is being dragged stays under the finger.
   if (!slider.matches(":active")) slider.value = playback.position;
-  byId("place").textContent = `${Number(slider.value).toFixed(1)} of ${playback.length.toFixed(1)} s`;
+  tellPlace();
+}
+
+function tellPlace() {
+  const { value, max } = byId("position");
+  byId("place").textContent = `${Number(value).toFixed(1)} of ${Number(max).toFixed(1)} s`;
 }
 
 function fill(snapshot) {
@@ -271,7 +276,7 @@ for (const id of ["save", "load"]) {
 const play = (asked) => post("playback", asked).catch((error) => unanswered("playback", error));
 byId("paused").addEventListener("click", () => play({ paused: !shown.playback.paused }));
 byId("position").addEventListener("change", (event) => play({ position: Number(event.target.value) }));
-byId("position").addEventListener("input", () => showPlace(shown.playback));
+byId("position").addEventListener("input", tellPlace);
 for (const id of Object.keys(forms))
   byId(id).addEventListener("input", (event) => forms[id].edited.add(event.target.name));
 byId("discard").addEventListener("click", () => release("form"));
