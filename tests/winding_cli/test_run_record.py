@@ -22,7 +22,7 @@ from winding_ros import topics
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.messages.rig import encode_joint_state
 from winding_ros.topic import Topic
-from winding_supervisor.session.run_result import RunResult
+from winding_supervisor.session.session import RunResult
 
 CONDITION = Condition(case=5, duration=15.0)
 PERIOD, SPEED = 0.01, 6.0

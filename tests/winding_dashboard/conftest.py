@@ -1,6 +1,7 @@
 """A real graph that waits for the operator, its page, and a real browser."""
 
 import os
+import resource
 import select
 import socket
 import subprocess
@@ -10,7 +11,7 @@ import time
 import urllib.request
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from winding_ros import topics
+from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import decode_joint_state
 
 # Test modules are imported by path, without packages: their neighbours are found from here.
@@ -40,6 +42,7 @@ class Motion:
 
     Attributes:
         samples: Speed of the cylinder [rad/s] and the time of the look [s since the epoch].
+        phase: That the rig has reported last.
     """
 
     def __init__(self, namespace: str) -> None:
@@ -54,6 +57,10 @@ class Motion:
             lambda message: None,
             QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT),
         )
+        self._reports = self._node.create_subscription(
+            topics.DIAGNOSTICS.type, topics.DIAGNOSTICS.name, lambda message: None, 100
+        )
+        self.phase = ""
         self.samples: deque[tuple[float, float]] = deque([(0.0, 0.0)], maxlen=20_000)
         self._quit = threading.Event()
         self._thread = threading.Thread(target=self._look)
@@ -66,6 +73,18 @@ class Motion:
             if taken is not None:
                 speed = decode_joint_state(taken[0])[1].angular_speed
                 self.samples.append((time.time(), speed))
+            with self._reports.handle:
+                taken = self._reports.handle.take_message(topics.DIAGNOSTICS.type, False)
+            for status in decode_diagnostics(taken[0])[1] if taken is not None else ():
+                if status.name == topics.RIG:
+                    self.phase = status.values.get("phase", self.phase)
+
+    def reach(self, phase: str, page: Any) -> None:
+        """Wait until the rig reports a phase, while the requests of a page go on."""
+        end = time.monotonic() + PATIENCE
+        while self.phase != phase:
+            assert time.monotonic() < end, f"{self.phase} and not {phase}"
+            page.wait_for_timeout(10)
 
     def close(self) -> None:
         import rclpy
@@ -113,8 +132,17 @@ def wait_for_page(url: str) -> None:
     pytest.fail(f"no page at {url} in {PATIENCE:g} s")
 
 
+def half_open(crowd: ExitStack, port: int, opening: bytes) -> None:
+    """Begin as many requests as a crowd has connections, and go no further."""
+    for _ in range(CROWD):
+        connection = crowd.enter_context(socket.create_connection(("127.0.0.1", port)))
+        connection.sendall(opening)
+
+
 class Serving:
     """What starts a command that serves a page."""
+
+    half_open = staticmethod(half_open)
 
     free_port = staticmethod(free_port)
     wait_for_line = staticmethod(wait_for_line)
@@ -124,6 +152,19 @@ class Serving:
     def environment() -> dict[str, str]:
         """Return the environment of the commands."""
         return dict(os.environ)
+
+
+CROWD = 1200
+
+
+@pytest.fixture(scope="module")
+def crowd() -> Iterator[ExitStack]:
+    """Let this process hold a crowd's connections."""
+    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], 2 * CROWD + 500), limits[1]))
+    with ExitStack() as stack:
+        yield stack
+    resource.setrlimit(resource.RLIMIT_NOFILE, limits)
 
 
 @pytest.fixture(scope="session")

@@ -23,6 +23,7 @@ from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode, 
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, Markers, wound_markers
 from winding_dashboard.page import commands
+from winding_dashboard.page.templates import Templates
 from winding_dashboard.state.view_state import ViewState
 from winding_dashboard.web.listening import listen
 from winding_dashboard.web.server import application
@@ -141,7 +142,7 @@ def main(port: int, *, standing: bool) -> None:
         yield
         winding.cancel()
 
-    app = application(page, token="", host="127.0.0.1", lifespan=lifespan)
+    app = application(page, Templates().page(), token="", host="127.0.0.1", lifespan=lifespan)
     listen(app, "127.0.0.1", port)
 
 

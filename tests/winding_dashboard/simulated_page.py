@@ -13,12 +13,13 @@ from winding_core.cable.wound_label import WoundLabel
 from winding_core.run_options import OperatorLimits
 from winding_core.status import Level, Status
 from winding_dashboard.page.commands import Choice, CommandError, Graph
+from winding_dashboard.page.recipes import Recipes
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
 from winding_dashboard.page.templates import Templates
 from winding_dashboard.state.view_state import ViewState
-from winding_dashboard.web.server import Served, application
+from winding_dashboard.web.server import application
 
 NODES = ("winding_rig", "cable_fem")
 URL = "http://127.0.0.1"
@@ -66,6 +67,12 @@ class Machine:
         self.done.append("record" if on else "end")
         return "recording into bag" if on else "bag: 7 messages"
 
+    async def play(self, **asked: object) -> str:
+        if self.refusal:
+            raise CommandError(self.refusal)
+        self.done.append(f"play {asked}")
+        return ""
+
     async def renew(self) -> str:
         self.done.append("renew")
         return "the machine and its watchers stand at the start of a run"
@@ -110,13 +117,14 @@ def served(
     runs: Path | None = None,
     server: str = "first",
     **limits: float,
-) -> Served:
+) -> Snapshots:
     """Return everything behind a page, as `winding_dashboard.__main__` puts it together."""
     kept = [OperatorLimits(**limits)]
-    session = OperatorSession(state, graph, lambda: kept[-1], lambda: "12:00:00", kept.append)
-    templates, listed = Templates(), RunList(runs)
-    snapshots = Snapshots(state, session, listed, templates.part, clock, server)
-    return Served(session=session, snapshots=snapshots, runs=listed, templates=templates)
+    recipes = Recipes(runs and runs / "recipes")
+    session = OperatorSession(
+        state, graph, recipes, lambda: kept[-1], lambda: "12:00:00", kept.append
+    )
+    return Snapshots(state, session, RunList(runs), Templates().part, clock, server)
 
 
 class Desk:
@@ -130,7 +138,7 @@ class Desk:
     def __init__(self, state: ViewState, graph: Graph, **given: Any) -> None:
         self.served = served(state, graph, **given)
         self.graph = graph
-        app = application(self.served, token="", host="127.0.0.1")
+        app = application(self.served, Templates().page(), token="", host="127.0.0.1")
         self._transport = httpx.ASGITransport(app=app)
 
     def request(self, method: str, path: str, **more: Any) -> httpx.Response:
@@ -144,7 +152,7 @@ class Desk:
 
     def look(self, query: str = "") -> dict[str, Any]:
         """Return a snapshot of this moment."""
-        self.served.snapshots.changed()
+        self.served.changed()
         answer = self.request("GET", f"/snapshot{query}")
         assert answer.status_code == 200, answer.text
         return dict(answer.json())

@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections import deque
 from pathlib import Path
 
 import cv2
@@ -21,7 +22,6 @@ from winding_dashboard.drawings.line_chart import Band, Curve, Ends, chart, ends
 from winding_dashboard.drawings.palette import DRUM, GROUND, MEASURED, tension_colours
 from winding_dashboard.drawings.run_charts import SPEEDS
 from winding_dashboard.state.camera_view import CameraView
-from winding_dashboard.state.trace import Trace
 from winding_dashboard.state.view_state import ViewState
 
 MATRIX = np.array([[5000.0, 0.0, 960.0], [0.0, 5000.0, 540.0], [0.0, 0.0, 1.0]])
@@ -240,9 +240,7 @@ def test_band_lies_between_its_ends() -> None:
 def test_axis_of_nothing_is_an_axis() -> None:
     assert ends_of([], 0.2).high > 0.0
     for live in SPEEDS:
-        assert "nan" not in live.drawing(
-            Trace("speed", "speed_set", "feed", "feed_set", "tension"), 0.0
-        )
+        assert "nan" not in live.drawing(deque(), 0.0)
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (-14.0, 18.0), (60.0, -40.0)])

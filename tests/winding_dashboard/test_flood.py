@@ -2,72 +2,90 @@
 
 import asyncio
 import http.client
-import resource
-import socket
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from winding_dashboard.web.connections import Bounds, Connection, Connections
+from winding_dashboard.web.connections import Bounds, Connections
 
 pytestmark = pytest.mark.timeout(600)
 
-FILES, CROWD = 512, 1200
-STOP = b"POST /command/emergency_stop HTTP/1.1\r\ncontent-length: 2\r\n\r\n{}"
+FILES = 512
+STOP = "/command/emergency_stop"
 
 
 class Wire(asyncio.Transport):
-    """A transport that notes whether it was cut, and the protocol that speaks HTTP behind it."""
+    """A connection of one peer, cut or not, on which requests come in parts.
 
-    def __init__(self, peer: str) -> None:
-        super().__init__({"peername": (peer, 1)})
-        self.cut = False
-        self.got = bytearray()
+    Attributes:
+        more: Parts of the request's body that are there.
+    """
+
+    ports = iter(range(1, 60_000))
+
+    def __init__(self, connections: Connections, peer: str = "10.0.0.1") -> None:
+        self.client = (peer, next(self.ports))
+        super().__init__({"peername": self.client})
+        self.cut, self.unsent = False, 0
+        self.more: asyncio.Queue[bool] = asyncio.Queue()
+        self._connections = connections
+        connections.admit(self)
 
     def abort(self) -> None:
         self.cut = True
 
-    # Of the protocol.
-    def connection_made(self, transport: Any) -> None:
-        assert transport is self
+    def get_write_buffer_size(self) -> int:
+        return self.unsent
 
-    def data_received(self, data: bytes) -> None:
-        self.got += data
+    async def ask(self, path: str, method: str, *more: bool) -> "Wire":
+        """Let the headers of a request come, and as many parts of its body."""
+        scope = {"type": "http", "client": self.client, "path": path, "method": method}
+
+        async def receive() -> dict[str, Any]:
+            return {"type": "http.request", "more_body": await self.more.get()}
+
+        for part in more:
+            self.more.put_nowait(part)
+        self.task = asyncio.create_task(self._connections(scope, receive, None))  # type: ignore
+        await turns()
+        return self
 
 
-def admitted(connections: Connections, data: bytes = b"", peer: str = "10.0.0.1") -> Wire:
-    wire = Wire(peer)
-    connection = Connection(wire, connections)
-    wire.connection = connection  # type: ignore[attr-defined]
-    connection.connection_made(wire)
-    # As it comes over a network.
-    for part in (data[i : i + 7] for i in range(0, len(data), 7)):
-        connection.data_received(part)
-    assert bytes(wire.got) == data
-    return wire
+async def turns() -> None:
+    """Let timers that are due run, which they do in the next turns of the loop."""
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+async def answer(scope: Any, receive: Any, send: Any) -> None:
+    """Take a whole body, and answer the path / alone."""
+    while scope["method"] == "POST" and (await receive())["more_body"]:
+        pass
+    if scope["path"] != "/":
+        await asyncio.Event().wait()
 
 
 def test_a_newcomer_takes_the_place_of_the_oldest_half_request() -> None:
     async def work() -> None:
-        connections = Connections(Bounds(total=4, per_peer=4, arrival=1e6))
-        stop = admitted(connections, STOP)
-        half = [admitted(connections, b"POST /prepare HTTP/1.1\r\nContent-Length: 9\r\n\r\nshort")]
-        whole = admitted(connections, b"GET / HTTP/1.1\r\nhost: a\n\n")
-        half.append(admitted(connections, b"GET / HTTP/1.1\r\n"))
-        newcomers = [admitted(connections) for _ in range(2)]
+        connections = Connections(answer, Bounds(total=4, per_peer=4, arrival=1e6))
+        stop = await Wire(connections).ask(STOP, "POST", False)
+        half = [await Wire(connections).ask("/prepare", "POST", True)]
+        whole = await Wire(connections).ask("/page.js", "GET")
+        half.append(Wire(connections))
+        newcomers = [Wire(connections) for _ in range(2)]
         assert [wire.cut for wire in half] == [True, True]
-        newcomers += [admitted(connections) for _ in range(50)]
+        newcomers += [Wire(connections) for _ in range(50)]
         assert not stop.cut
         assert not whole.cut
         assert [wire.cut for wire in newcomers].count(False) == 2
         assert not newcomers[-1].cut
         # A request that is answered makes room for others, and a stop after all of them.
-        busy = [admitted(connections, b"GET / HTTP/1.1\r\n\r\n") for _ in range(9)]
+        busy = [await Wire(connections).ask("/page.js", "GET") for _ in range(9)]
         assert whole.cut
         assert not stop.cut
         assert [wire.cut for wire in busy] == [True] * 6 + [False] * 3
@@ -78,9 +96,9 @@ def test_a_newcomer_takes_the_place_of_the_oldest_half_request() -> None:
 
 def test_a_peer_crowds_out_nobody_but_itself() -> None:
     async def work() -> None:
-        connections = Connections(Bounds(total=6, per_peer=3, arrival=1e6))
-        other = admitted(connections, b"GET / HT", peer="10.0.0.2")
-        crowd = [admitted(connections, peer="10.0.0.3") for _ in range(20)]
+        connections = Connections(answer, Bounds(total=6, per_peer=3, arrival=1e6))
+        other = Wire(connections, "10.0.0.2")
+        crowd = [Wire(connections, "10.0.0.3") for _ in range(20)]
         assert not other.cut
         assert [wire.cut for wire in crowd].count(False) == 3
 
@@ -88,39 +106,43 @@ def test_a_peer_crowds_out_nobody_but_itself() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sent", "cut"),
+    ("path", "method", "parts", "cut"),
     [
-        (b"", True),
-        (b"GET /page.js HTTP/1.1\r\nhost: 127.0.0.1\r\n", True),
-        (b"POST /limits HTTP/1.1\r\ncontent-length: 40\r\n\r\n{}", True),
-        (b"GET / HTTP/1.1\r\n\r\nGET / HT", True),
-        (b"x" * 200_000, True),
-        (b"GET / HTTP/1.1\r\nhost: 127.0.0.1\r\n\r\n", False),
-        (b"GET / HTTP/1.1\r\n\r\nGET / HTTP/1.1\r\n\r\n", False),
-        (STOP, False),
+        ("/prepare", "POST", [True, True], True),
+        # Answered, and no further one comes.
+        ("/", "POST", [False], True),
+        ("/", "GET", [], True),
+        ("/page.js", "GET", [], False),
+        ("/prepare", "POST", [True, False], False),
+        (STOP, "POST", [False], False),
     ],
 )
-def test_a_request_has_to_arrive_whole_in_time(sent: bytes, cut: bool) -> None:
+def test_a_request_has_to_arrive_whole_in_time(
+    path: str, method: str, parts: list[bool], cut: bool
+) -> None:
     async def work() -> bool:
-        connections = Connections(Bounds(arrival=0.0))
-        wire = admitted(connections, sent)
-        # Timers that are due run in the next turns of the loop.
-        for _ in range(5):
-            await asyncio.sleep(0)
+        connections = Connections(answer, Bounds(arrival=0.0))
+        wire = await Wire(connections).ask(path, method, *parts)
+        await turns()
         assert len(connections) == (0 if wire.cut else 1)
         return wire.cut
 
     assert asyncio.run(work()) is cut
 
 
-@pytest.fixture
-def crowd() -> Iterator[ExitStack]:
-    """Let this process hold a crowd's connections."""
-    limits = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], CROWD + 500), limits[1]))
-    with ExitStack() as stack:
-        yield stack
-    resource.setrlimit(resource.RLIMIT_NOFILE, limits)
+def test_silent_connection_is_cut_and_one_that_still_takes_an_answer_is_not() -> None:
+    async def work() -> None:
+        connections = Connections(answer, Bounds(arrival=0.0))
+        silent, reading = Wire(connections), Wire(connections)
+        reading.unsent = 70_000
+        await turns()
+        assert silent.cut
+        assert not reading.cut
+        reading.unsent = 0
+        await turns()
+        assert reading.cut
+
+    asyncio.run(work())
 
 
 @pytest.fixture
@@ -139,9 +161,7 @@ def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]
         )  # fmt: skip
         crowd.callback(page.terminate)
         serving.wait_for_page(f"http://127.0.0.1:{port}/")
-        for _ in range(CROWD):
-            connection = crowd.enter_context(socket.create_connection(("127.0.0.1", port)))
-            connection.sendall(opening)
+        serving.half_open(crowd, port, opening)
         return port, page
 
     return serve

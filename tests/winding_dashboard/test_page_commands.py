@@ -3,12 +3,14 @@
 import asyncio
 import math
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
 from simulated_page import Clock, Desk, Machine, fresh_state, phase
 
 from winding_core.machine.readings import CABLE_TENSION
+from winding_core.run_spec import RunSpec
 from winding_core.status import Level, RunPhase, Status
 from winding_dashboard.page import commands
 from winding_dashboard.state.view_state import ViewState
@@ -84,12 +86,12 @@ def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
     assert seen["texts"]["recorded"] == reason
 
 
-def at_desk(state: ViewState | None = None, machine: Machine | None = None) -> Desk:
+def at_desk(state: ViewState | None = None, machine: Machine | None = None, **given: Any) -> Desk:
     """Return a desk whose solver has reported what it is set to."""
     if state is None:
         state = fresh_state()
         phase(state, "idle")
-    desk = Desk(state, machine or Machine())
+    desk = Desk(state, machine or Machine(), **given)
     asyncio.run(desk.served.session.learn_choice())
     return desk
 
@@ -266,7 +268,8 @@ def test_start_is_offered_by_a_page_that_knows_the_present_alone(known: Any, rea
     """As after a restart of the page's process, or of an attached node's."""
     state = fresh_state()
     known(state)
-    seen = Desk(state, Machine()).look()
+    moment = time.monotonic()
+    seen = Desk(state, Machine(), clock=lambda: moment).look()
     assert seen["off"]["start"] == reason
     assert seen["off"]["stop"] == seen["off"]["emergency_stop"] == ""
 
@@ -356,7 +359,8 @@ def test_request_of_another_server_is_of_the_past() -> None:
     ("path", "given", "status"),
     [
         ("/command/explode", {"json": {}}, 404),
-        ("/mode/fly", {"json": {}}, 404),
+        ("/command/lay_control_fly", {"json": {}}, 404),
+        ("/recipe/burn", {"json": {}}, 404),
         ("/command/stop", {"content": b"{}"}, 400),
         ("/command/stop", {"json": [1]}, 400),
         ("/prepare", {"json": {"form": "x" * 200_000}}, 400),
@@ -375,15 +379,17 @@ def test_an_address_that_does_not_exist_is_not_found() -> None:
     assert "there is no page /report" in answer.text
 
 
-def test_stopping_is_never_held_back_by_what_the_page_believes() -> None:
+@pytest.mark.parametrize("moving", [False, True])
+def test_stopping_is_never_held_back_by_what_the_page_believes(moving: bool) -> None:
     for reached in ("", "idle", "winding", "stopping", "finished", "emergency stop"):
-        assert commands.out_of_phase(commands.STOP, reached) == ""
-        assert commands.out_of_phase(commands.EMERGENCY_STOP, reached) == ""
+        for run in (None, *RunPhase):
+            for name in commands.STOPS:
+                assert commands.untimely(name, reached, run, moving=moving) == ""
 
 
 def test_next_run_is_asked_for_between_two_runs() -> None:
-    def off(command: str, phase: RunPhase | None, *, moving: bool = False) -> bool:
-        return bool(commands.between_runs(command, phase, moving=moving))
+    def off(command: str, run: RunPhase | None, *, moving: bool = False) -> bool:
+        return bool(commands.untimely(command, "", run, moving=moving))
 
     assert not off(commands.START, None)
     assert not off(commands.RESET, None)
@@ -395,6 +401,104 @@ def test_next_run_is_asked_for_between_two_runs() -> None:
     assert off(commands.RESET, RunPhase.UNDER_WAY, moving=True)
     # A run that was broken off stands.
     assert not off(commands.RESET, RunPhase.UNDER_WAY)
-    for reached in RunPhase:
-        assert not off(commands.STOP, reached, moving=True)
-        assert not off(commands.EMERGENCY_STOP, reached, moving=True)
+
+
+def playing(position: float, *, paused: bool = False) -> ViewState:
+    """Return what is known of a recording of 42.5 s that is played at a place [s]."""
+    state = fresh_state()
+    values = {"position": f"{position}", "length": "42.5", "paused": f"{float(paused)}"}
+    state.note_statuses(time.monotonic(), [Status(name="bag_player: playback", values=values)])
+    state.player = "bag_player"
+    return state
+
+
+def test_playback_shows_its_place_and_goes_where_it_is_sent() -> None:
+    machine = Machine()
+    desk = Desk(playing(7.25, paused=True), machine)
+    seen = desk.look()
+    assert seen["playback"] == {"position": 7.25, "length": 42.5, "paused": 1.0}
+    assert not seen["hidden"]["playback"]
+    desk.ask("/playback", position=31.5)
+    desk.ask("/playback", paused=False)
+    assert machine.done == ["play {'position': 31.5}", "play {'paused': False}"]
+    assert "playback: give a position" in desk.ask("/playback", position="far")
+    refused = Desk(playing(1.0), Machine(refusal="bag_player: position must be from 0 to 42.5 s"))
+    assert refused.ask("/playback", position=99).endswith("must be from 0 to 42.5 s")
+
+
+def test_page_of_a_machine_or_of_another_player_has_no_slider() -> None:
+    state = playing(3.0)
+    for player, known in (("", True), ("rosbag2_player", False)):
+        state.player = player
+        if not known:
+            state.health.forget("bag_player")
+        seen = Desk(state, Machine()).look()
+        assert seen["playback"] is None
+        assert seen["hidden"]["playback"]
+
+
+@pytest.mark.parametrize(
+    "typed",
+    [
+        form(9, "hencky", friction=0.21),
+        form(0, **{**OWN, "tension_n": 7.25}, duration_s=33.5),
+        form(3, "linear"),
+    ],
+)
+def test_recipe_is_a_cell_file_that_fills_the_form_again(tmp_path: Path, typed: dict) -> None:
+    desk = at_desk(runs=tmp_path)
+    assert desk.look()["parts"]["recipes"].strip() == ""
+    assert desk.ask("/recipe/save", name="Red fibre 2", form=typed).endswith("Red fibre 2 is kept")
+    file = tmp_path / "recipes" / "Red fibre 2.yaml"
+    spec = RunSpec.from_cell(file, {})
+    assert (spec.condition.case, spec.condition.law) == (typed["case"], typed["law"])
+    assert spec.text() == file.read_text(encoding="utf-8")
+    assert 'value="Red fibre 2"' in desk.look()["parts"]["recipes"]
+    seen = desk.look()
+    body = {"server": seen["server"], "sequence": seen["sequence"], "name": "Red fibre 2"}
+    loaded = desk.request("POST", "/recipe/load", json=body).json()["form"]
+    assert loaded == {key: typed[key] for key in ("case", "law", "fields")}
+    assert desk.graph.done == []
+
+
+def test_recipe_of_a_whole_run_names_what_the_page_leaves(tmp_path: Path) -> None:
+    (tmp_path / "recipes").mkdir()
+    (tmp_path / "recipes" / "cell.yaml").write_text(
+        "condition:\n  case: 6\nmachine:\n  seed: 17\nlimits:\n  error_limit_pct: 2.2\n"
+    )
+    answer = at_desk(runs=tmp_path).ask("/recipe/load", name="cell")
+    assert answer.endswith("form; not seed, error_limit_pct, which the run has already")
+
+
+@pytest.mark.parametrize(
+    ("path", "name", "sentence"),
+    [
+        ("save", "taken", "there is a recipe taken already"),
+        ("save", "../../run", "a name has 1 to 60 letters"),
+        ("save", "", "a name has 1 to 60 letters"),
+        ("load", "none", "there is no recipe none"),
+        ("load", "/etc/passwd", "a name has 1 to 60 letters"),
+        ("load", "taken", "taken.yaml, line 3, column 13: friction must be"),
+    ],
+)
+def test_recipe_that_cannot_be_is_refused_and_none_is_written_over(
+    tmp_path: Path, path: str, name: str, sentence: str
+) -> None:
+    (tmp_path / "recipes").mkdir()
+    file = tmp_path / "recipes" / "taken.yaml"
+    file.write_text(text := "condition:\n  case: 5\n  friction: -8\n")
+    desk = at_desk(runs=tmp_path)
+    assert sentence in desk.ask(f"/recipe/{path}", name=name, form=form(2))
+    assert desk.look()["alarm"]
+    assert file.read_text() == text
+    assert [item.name for item in tmp_path.rglob("*.yaml")] == ["taken.yaml"]
+
+
+def test_refused_condition_is_no_recipe_and_a_page_without_runs_keeps_none(tmp_path: Path) -> None:
+    wrong = form(0, **{**OWN, "cylinder_diameter_mm": 7000})
+    answer = at_desk(runs=tmp_path).ask("/recipe/save", name="wrong", form=wrong)
+    assert "Cylinder diameter, mm must be at most 2000, got 7000" in answer
+    assert not (tmp_path / "recipes").exists()
+    desk = at_desk()
+    assert desk.look()["hidden"]["recipe-row"]
+    assert "no folder of runs" in desk.ask("/recipe/save", name="fine", form=form(4))

@@ -38,6 +38,7 @@ def test_a_played_bag_looks_like_playback(
     )
     try:
         desk.phase("playback")
+        desk.wait_for("parseFloat(document.querySelector('#clock').innerText) > 0.3")
         clock: list[float] = []
         while player.poll() is None:
             shown = desk.measured("document.querySelector('#clock').innerText")
@@ -62,3 +63,36 @@ def test_a_played_bag_looks_like_playback(
     assert any(f"{1e3 * recorded['s_corrected_m']:.2f}" in cell for cell in rows[0])
     assert desk.misfits() == []
     assert desk.complaints == []
+
+
+def test_slider_pauses_a_played_bag_and_goes_to_a_place(
+    recorded_run: Any, page_url: str, new_tab: Callable[[str, str], Any], pictures: Any
+) -> None:
+    tab = new_tab("phone", page_url)
+    player = subprocess.Popen(
+        [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag), "--loop",
+         "--rate", "0.5"]
+    )  # fmt: skip
+    try:
+        slider = tab.page.get_by_label("Place in the recording, s")
+        slider.wait_for()
+        tab.page.get_by_role("button", name="Pause", exact=True).click()
+        tab.page.get_by_role("button", name="Go on", exact=True).wait_for()
+        length, time = tab.measured("shown.playback.length"), tab.measured("shown.time ?? 0")
+        # Places of the recording go by arrival, which keeps the order of the machine's clock.
+        for share, order in ((0.8, ">"), (0.3, "<"), (0.9, ">")):
+            place = f"{share * length:.1f}"
+            slider.fill(place)
+            tab.wait_for(f"Math.abs(shown.playback.position - {place}) < 0.01")
+            tab.wait_for(f"shown.time {order} {time} + {0.0 if order == '<' else 0.5}")
+            time = tab.measured("shown.time")
+            tab.wait_for("document.querySelector('#markers tbody tr')")
+            tab.wait_for("document.querySelector('#band').innerText.includes('CASE 4')")
+        tab.shoot(pictures, "slider")
+        assert tab.misfits() == []
+        tab.page.get_by_role("button", name="Go on", exact=True).click()
+        tab.wait_for(f"shown.playback.position > {place} + 0.05")
+        assert tab.complaints == []
+    finally:
+        player.kill()
+        player.wait()

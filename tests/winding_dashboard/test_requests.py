@@ -12,7 +12,10 @@ from winding_dashboard.web.access import OF_REPORTS
 
 DEEP = "[" * 50_000 + "]" * 50_000
 JSON = {"content-type": "application/json"}
-POSTS = ("/command/stop", "/command/start", "/mode/drive", "/prepare", "/record", "/limits")
+POSTS = (
+    "/command/stop", "/command/start", "/command/lay_control_drive", "/prepare", "/record",
+    "/limits", "/recipe/save", "/recipe/load", "/playback",
+)  # fmt: skip
 ODD = [
     b"",
     b"\xff\xfe{",
@@ -35,7 +38,7 @@ ODD = [
 PATHS = (
     "/runs/%00", "/runs/" + "a" * 5000, "/runs/%F0%28", "/runs/../../etc/passwd", "/runs/.",
     "/runs/", "/runs/one/report", "/runs/one/report/index.html/further", "/command/",
-    "/command/%0a", "/mode/%ff", "/mode/DRIVE/x", "/%2e%2e/page.js", "/snapshot/",
+    "/command/%0a", "/command/%ff", "/command/start/x", "/recipe/", "/%2e%2e/page.js", "/snapshot/",
 )  # fmt: skip
 QUERIES = (
     "marker=x", "marker=-1", "marker=" + "9" * 5000, "yaw=nan", "pitch=1e400", "yaw=%F0%28",

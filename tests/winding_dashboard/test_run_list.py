@@ -16,12 +16,12 @@ REPORT = "<html>the report</html>"
 def written(folder: Path, *, when: float, report: bool = True, **changes: Any) -> None:
     """Write a run's numbers, as `winding_reports.records.run_record` does, and its report."""
     folder.mkdir(parents=True, exist_ok=True)
-    verdict = {"good": True, "sentence": "good: largest error 1.20 %, limit 4.8 %, marker P1"}
     content = {
         "identity": {"date": "2026-11-23 15:00:00 +0000"},
         "case": 4,
-        "ended": None,
-        "error_verdict": verdict,
+        # What else a file has of it is no outcome.
+        "error_verdict": {"good": True, "sentence": "good: largest error 1.20 %"},
+        "outcome": {"verdict": "good", "sentences": ["completed: 4.20 of 4.20 turns"]},
         **changes,
     }
     numbers = folder / "run.json"
@@ -52,11 +52,11 @@ def test_sessions_of_other_days_are_listed_with_all_their_runs(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("verdict", "style"),
     [
-        ("good", "good"),
-        ("not good", "not-good"),
-        ("failed", "not-good"),
-        ("incomplete", ""),
-        ("not judged", ""),
+        ("good", "kept"),
+        ("not good", "broken"),
+        ("failed", "broken"),
+        ("incomplete", "open"),
+        ("not judged", "open"),
     ],
 )
 def test_list_prints_the_record_of_a_run_in_its_colour(
@@ -65,18 +65,9 @@ def test_list_prints_the_record_of_a_run_in_its_colour(
     record = {"verdict": verdict, "sentences": ["ended by supervision", "12 frames lost"]}
     written(tmp_path, when=100.0, outcome=record)
     (run,) = RunList(tmp_path).runs()
-    assert run.style == style
-    assert run.verdict == f"{verdict}: ended by supervision; 12 frames lost"
-
-
-def test_runs_from_before_there_was_a_record_are_never_green(tmp_path: Path) -> None:
-    lay = {"kept": True, "sentence": "the lay keeps 0.7 mm"}
-    written(tmp_path, when=100.0, ended="protective stop", verdict=lay)
-    written(tmp_path / "run-2", when=200.0, verdict=lay)
-    whole, broken_off = RunList(tmp_path).runs()
-    assert broken_off.verdict == "ended early: protective stop"
-    assert whole.verdict.startswith("the lay keeps 0.7 mm; good: largest")
-    assert {whole.style, broken_off.style} == {""}
+    assert run.outcome.style == style
+    assert run.outcome.word == verdict.upper()
+    assert run.outcome.remark == "ended by supervision; 12 frames lost"
 
 
 def test_runs_that_differ_by_weight_are_told_apart(tmp_path: Path) -> None:
@@ -99,12 +90,12 @@ def test_report_that_comes_later_is_found(tmp_path: Path) -> None:
     assert runs.runs()[0].report == "report/index.html"
 
 
-@pytest.mark.parametrize("content", ["", "[]", "{}", '{"error_verdict": 3}', "{"])
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"outcome": 3}', "{"])
 def test_file_that_is_no_run_is_named_and_harms_nothing(tmp_path: Path, content: str) -> None:
     (tmp_path / "run.json").write_text(content, encoding="utf-8")
     (run,) = RunList(tmp_path).runs()
     assert run.date == "run.json"
-    assert run.verdict.startswith("cannot be read")
+    assert run.outcome.remark.startswith("cannot be read")
 
 
 def test_page_lists_runs_and_serves_their_reports(tmp_path: Path) -> None:

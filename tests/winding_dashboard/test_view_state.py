@@ -92,7 +92,7 @@ def test_charts_keep_their_last_minute_however_long_a_run_is(state: ViewState) -
         wind(state, 0.1 * sample)
     assert len(state.speeds) == SAMPLES
     assert len(state.lengths[1]) == SAMPLES
-    assert state.speeds.last_time == pytest.approx(0.1 * (3 * SAMPLES - 1))
+    assert state.speeds[-1][0] == pytest.approx(0.1 * (3 * SAMPLES - 1))
 
 
 def test_standing_clock_adds_no_samples(state: ViewState) -> None:
@@ -123,7 +123,7 @@ def test_run_is_timed_from_the_first_turn_of_a_machine_whose_clock_counts_from_1
 
 def test_marker_that_no_camera_speaks_of_is_not_seen(state: ViewState) -> None:
     state.note_source("predicted", 1.0, markers(turning(1.0).cylinder_angle, 0, 0))
-    assert [row.state for row in state.marker_rows()] == ["not seen"]
+    assert [row.state for row in state.marker_rows()] == ["not seen", *["not wound"] * 3]
 
 
 def test_clock_that_goes_back_begins_a_new_run_with_the_prediction_kept(state: ViewState) -> None:
@@ -138,7 +138,7 @@ def test_clock_that_goes_back_begins_a_new_run_with_the_prediction_kept(state: V
 def test_marker_that_is_not_wound_has_no_length(state: ViewState) -> None:
     wind(state, 1.0)
     rows = {row.id: row for row in state.marker_rows()}
-    assert set(rows) == {1, 2}
+    assert set(rows) == {1, 2, 3, 4}
     assert rows[1].measured == pytest.approx(math.hypot(RADIUS * 6.0, 0.01))
     assert math.isnan(rows[2].measured)
     assert (rows[1].state, rows[2].state) == ("measured", "not wound")
@@ -209,10 +209,10 @@ def test_beginning_is_found_from_within_the_ramp_and_after_it(
 
 def test_source_is_as_old_as_by_the_machines_clock(state: ViewState) -> None:
     wind(state, 2.0)
-    assert state.behind("tracked") == 0.0
-    assert math.isnan(state.behind("predicted"))
+    assert state.old("tracked") == 0.0
     state.note_axes(4.5, turning(4.5))
-    assert state.behind("tracked") == pytest.approx(2.5)
+    assert state.old("tracked") == pytest.approx(2.5)
+    assert state.old("predicted") == 0.0
 
 
 def test_what_is_wound_is_what_the_solver_reports(state: ViewState) -> None:

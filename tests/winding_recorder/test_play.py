@@ -10,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
@@ -21,13 +23,20 @@ from winding_recorder.bags.reading import messages_of, opened
 from winding_recorder.bags.writer import BagWriter
 from winding_recorder.playback.player import Pacing, Player
 from winding_ros import topics
+from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import encode_tension
 from winding_ros.topic import PolledTopic, Topic
 
 pytestmark = pytest.mark.processes
 
 JOINTS = "/winding/rig/joint_states"
+SET = "/bag_player/set_parameters_atomically"
 SAMPLES = 600
+
+
+def position(place: float) -> SetParametersAtomically.Request:
+    parameter = Parameter("position", value=place).to_parameter_msg()
+    return SetParametersAtomically.Request(parameters=[parameter])
 
 
 def renamed(topic: Topic) -> Topic:
@@ -117,6 +126,42 @@ def test_pause_holds_every_message_and_going_on_lets_them_out(
     answer = ros.call(caller, Trigger, "/bag_player/toggle_paused", Trigger.Request())
     assert answer.message == "playing"
     ros.spin_until(lambda: player.published == 780)
+
+
+def test_playback_goes_where_it_is_sent_and_reports_its_place(
+    ros: Any, made: Path, play: Any
+) -> None:
+    reported: dict[str, str] = {}
+    caller = ros.plain("caller")
+    caller.create_subscription(
+        topics.DIAGNOSTICS.type,
+        topics.DIAGNOSTICS.name,
+        lambda message: reported.update(decode_diagnostics(message)[1][0].values),
+        10,
+    )
+    player = play(made, Pacing(1.0, paused=True))
+    ros.spin_until(lambda: float(reported.get("length", 0.0)) > 0.0)
+    length = float(reported["length"])
+    assert (float(reported["position"]), float(reported["paused"])) == (0.0, 1.0)
+    with opened(made) as reader:
+        arrived = [at * 1e-9 for _, at, _ in messages_of(reader, reader.connections)]
+    begin, goals = arrived[-1] - length, [0.0]
+
+    def until(place: float) -> int:
+        return sum(at <= begin + place for at in arrived)
+
+    # Forwards, back, and forwards: the last second before a place is there with it.
+    for share in (0.71, 0.23, 0.94):
+        place = round(share * length, 4)
+        answer = ros.call(caller, SetParametersAtomically, SET, position(place)).result
+        assert answer.successful, answer.reason
+        goals.append(place)
+        ros.spin_until(lambda: abs(float(reported["position"]) - goals[-1]) < 2e-3)
+        ros.spin_until(lambda: player.published == sum(map(until, goals[1:])))
+    for wrong in (-0.5, 3.0 * length):
+        answer = ros.call(caller, SetParametersAtomically, SET, position(wrong)).result
+        assert not answer.successful
+        assert f"position must be from 0 to {length:.1f} s, got {wrong:g}" in answer.reason
 
 
 def test_a_topic_that_somebody_publishes_is_refused(ros: Any, made: Path, play: Any) -> None:

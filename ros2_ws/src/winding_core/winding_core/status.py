@@ -34,6 +34,9 @@ MACHINE_COMPONENT = "machine"
 MACHINE_STATUS = f"orchestrator: {MACHINE_COMPONENT}"
 # Component whose values are the outcome of the run that is over; none while there is no such run.
 OUTCOME_COMPONENT = "outcome"
+# Node that plays a recording, and its status: position and length [s], and whether it is paused.
+PLAYER = "bag_player"
+PLAYBACK = f"{PLAYER}: playback"
 
 
 # Value of a node's status, for as long as it cannot make this transition: the message has why.

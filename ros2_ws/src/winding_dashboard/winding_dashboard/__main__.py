@@ -19,12 +19,13 @@ from starlette.applications import Starlette
 from winding_core.parameters import ParameterError
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError
+from winding_dashboard.page.recipes import Recipes
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots
 from winding_dashboard.page.templates import Templates
 from winding_dashboard.web.listening import listen
-from winding_dashboard.web.server import Served, application
+from winding_dashboard.web.server import application
 from winding_ros.runtime.process import EXIT_REFUSED, end_with_supervisor
 
 _LOOK, _LIFECYCLE = 0.1, 1.0
@@ -64,17 +65,18 @@ def main(arguments: Sequence[str] | None = None, values: Mapping[str, object] | 
 def serve(node: DashboardNode) -> None:
     """Serve the page of a node; return when the web server has ended."""
     parameters = node.parameters
+    folder = Path(parameters.runs) if parameters.runs else None
     session = OperatorSession(
         node.state,
         node.service_client,
+        Recipes(folder and folder / "recipes"),
         lambda: node.limits,
         lambda: time.strftime("%H:%M:%S"),
         node.set_limits,
     )
-    runs = RunList(Path(parameters.runs) if parameters.runs else None)
     templates = Templates()
     snapshots = Snapshots(
-        node.state, session, runs, templates.part, time.monotonic, secrets.token_hex(4)
+        node.state, session, RunList(folder), templates.part, time.monotonic, secrets.token_hex(4)
     )
 
     async def look() -> None:
@@ -102,9 +104,10 @@ def serve(node: DashboardNode) -> None:
             for loop in loops:
                 loop.cancel()
 
-    served = Served(session=session, snapshots=snapshots, runs=runs, templates=templates)
     print(f"operator's page: http://{parameters.host}:{parameters.port}", flush=True)
-    app = application(served, token=node.token, host=parameters.host, lifespan=lifespan)
+    app = application(
+        snapshots, templates.page(), token=node.token, host=parameters.host, lifespan=lifespan
+    )
     listen(app, parameters.host.strip("[]"), parameters.port)
 
 

@@ -164,7 +164,7 @@ def play(
     """Publish a recording again: the same bytes, the same rhythm, and /clock.
 
     The space key pauses and goes on; so do bag_player/toggle_paused (std_srvs/Trigger) and
-    bag_player/set_paused (std_srvs/SetBool).
+    bag_player/set_paused (std_srvs/SetBool). The parameter position of bag_player goes to a place.
     """
     from winding_recorder.bags.description import BagError
     from winding_recorder.playback.player import Pacing, Player

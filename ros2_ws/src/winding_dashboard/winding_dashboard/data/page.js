@@ -50,20 +50,39 @@ function apply(snapshot) {
     if (snapshot.ask[of] !== dialog.id || snapshot.off[of]) dialog.close();
   }
   fill(snapshot);
+  showPlace(snapshot.playback);
   tellAge();
+}
+
+function showPlace(playback) {
+  if (!playback) return;
+  const slider = byId("position");
+  byId("paused").textContent = playback.paused ? "Go on" : "Pause";
+  slider.max = playback.length;
+  // What is being dragged stays under the finger.
+  if (!slider.matches(":active")) slider.value = playback.position;
+  tellPlace();
+}
+
+function tellPlace() {
+  const { value, max } = byId("position");
+  byId("place").textContent = `${Number(value).toFixed(1)} of ${Number(max).toFixed(1)} s`;
 }
 
 function fill(snapshot) {
   if (snapshot.form.fields) {
-    const { fields, ...choices } = snapshot.form;
-    const empty = Object.fromEntries([...document.querySelectorAll("[data-field]")].map((field) => [field.name, ""]));
-    follow("form", { ...empty, ...fields, ...choices });
+    follow("form", entries(snapshot.form));
     showOwn();
   }
   follow("limits", snapshot.limits);
   const { server, known, edited } = forms.form;
   byId("discard").hidden = !edited.size;
   byId("elsewhere").hidden = !edited.size || server === known;
+}
+
+function entries({ fields, ...choices }) {
+  const empty = Object.fromEntries([...document.querySelectorAll("[data-field]")].map((field) => [field.name, ""]));
+  return { ...empty, ...fields, ...choices };
 }
 
 // The first values of the server fill what is not typed yet; later ones leave an edited form alone, whole,
@@ -74,9 +93,12 @@ function follow(id, values) {
   form.server = JSON.stringify(values);
   if (form.server === form.known || (form.edited.size && !first)) return;
   form.known = form.server;
+  put(id, Object.fromEntries(Object.entries(values).filter(([name]) => !form.edited.has(name))));
+}
+
+function put(id, values) {
   for (const [name, value] of Object.entries(values)) {
     const element = byId(id).elements[name];
-    if (form.edited.has(name)) continue;
     if (element.type === "checkbox") element.checked = value;
     else element.value = value;
   }
@@ -237,6 +259,24 @@ byId("limits").addEventListener("submit", async (event) => {
     unanswered("limits", error);
   }
 });
+for (const id of ["save", "load"]) {
+  byId(id).addEventListener("click", async () => {
+    try {
+      const { form } = await post(`recipe/${id}`, { name: byId("recipe").value, form: typed() });
+      if (!form?.fields) return;
+      // As if it had been typed, to be prepared or discarded.
+      put("form", entries(form));
+      for (const name of Object.keys(entries(form))) forms.form.edited.add(name);
+      showOwn();
+    } catch (error) {
+      unanswered("recipe", error);
+    }
+  });
+}
+const play = (asked) => post("playback", asked).catch((error) => unanswered("playback", error));
+byId("paused").addEventListener("click", () => play({ paused: !shown.playback.paused }));
+byId("position").addEventListener("change", (event) => play({ position: Number(event.target.value) }));
+byId("position").addEventListener("input", tellPlace);
 for (const id of Object.keys(forms))
   byId(id).addEventListener("input", (event) => forms[id].edited.add(event.target.name));
 byId("discard").addEventListener("click", () => release("form"));

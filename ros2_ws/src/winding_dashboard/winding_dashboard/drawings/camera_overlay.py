@@ -19,8 +19,9 @@ _MARGIN = 0.0007
 _GUESSED = MarkerFlag.PREDICTED | MarkerFlag.OCCLUDED | MarkerFlag.CLIPPED
 # Neighbours along the cable; farther apart something between them was not seen [rad].
 _NEIGHBOURS = 0.2
-# At the rim of the cylinder a turn is a sliver: cosine between surface and sight.
-_LEAST_FACING = 0.3
+# At the rim of the cylinder a turn is a sliver, and a band one behind the cable's own edge: cosines
+# between surface and sight.
+_LEAST_FACING, _AT_THE_RIM = 0.3, 0.15
 
 
 def measured_count(markers: Markers) -> int:
@@ -44,7 +45,7 @@ def band_overlay(
     parts = []
     for marker in markers:
         corners = _corners(marker, cable_radius, turned)
-        if corners is None or not _faces(corners, view):
+        if corners is None or not _facing(corners.mean(axis=0)[None], view, _AT_THE_RIM)[0]:
             continue
         pixels = view.pixels(corners)
         if not _inside(pixels, view):
@@ -88,14 +89,6 @@ def _corners(marker: np.void, cable_radius: float, turned: float) -> NDArray[np.
     )
 
 
-def _faces(corners: NDArray[np.float64], view: CameraView) -> bool:
-    middle = corners.mean(axis=0)
-    outward = np.array([middle[0], middle[1], 0.0])
-    # At the rim the band is a sliver behind the cable's own edge.
-    sight = view.position - middle
-    return bool(outward @ sight > 0.15 * np.linalg.norm(outward) * np.linalg.norm(sight))
-
-
 def _inside(pixels: NDArray[np.float64], view: CameraView) -> bool:
     width, height = view.size
     u, v = pixels.mean(axis=0)
@@ -117,7 +110,7 @@ def lay_overlay(records: LayRecords, view: CameraView, *, turned: float = 0.0) -
     points = np.stack([records[name].astype(float) for name in "xyz"], axis=1)
     c, s = math.cos(turned), math.sin(turned)
     points[:, :2] = points[:, :2] @ np.array([[c, s], [-s, c]])
-    pixels, shown = view.pixels(points), _facing(points, view)
+    pixels, shown = view.pixels(points), _facing(points, view, _LEAST_FACING)
     parts = []
     for run in _runs(records["theta"], shown):
         line = " ".join(f"{u:.1f},{v:.1f}" for u, v in pixels[run])
@@ -133,11 +126,11 @@ def lay_overlay(records: LayRecords, view: CameraView, *, turned: float = 0.0) -
     return "".join(parts)
 
 
-def _facing(points: NDArray[np.float64], view: CameraView) -> NDArray[np.bool_]:
+def _facing(points: NDArray[np.float64], view: CameraView, least: float) -> NDArray[np.bool_]:
     outward = points * (1.0, 1.0, 0.0)
     sight = view.position - points
     scale = np.linalg.norm(outward, axis=1) * np.linalg.norm(sight, axis=1)
-    facing: NDArray[np.bool_] = (outward * sight).sum(axis=1) > _LEAST_FACING * scale
+    facing: NDArray[np.bool_] = (outward * sight).sum(axis=1) > least * scale
     return facing
 
 

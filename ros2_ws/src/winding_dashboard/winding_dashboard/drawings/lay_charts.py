@@ -26,22 +26,16 @@ _UPPER, _LOWER = (660.0, 200.0), (660.0, 150.0)
 _LEAST_ERROR, _MOST_TICKS = 0.5, 12
 
 
-def helix_errors(records: LayRecords, advance: float) -> list[list[float]]:
+def helix_errors(records: LayRecords, advance: float) -> Points:
     """Return [wound turns, distance from the helix of an advance [m/rad], in mm] of every place."""
-    error = (records["z"] - advance * records["theta"]) / MILLIMETRE
-    turns = records["theta"] / math.tau
-    known = np.isfinite(error)
-    return [
-        [float(turn), float(off)]
-        for turn, off in zip(turns[known].round(3), error[known].round(3), strict=True)
-    ]
+    return _points(records["theta"], records["z"] - advance * records["theta"], every=True)
 
 
 def lay_drawing(records: LayRecords, advance: float) -> str:
     """Return a chart of the distance of every place from the helix of an advance [m/rad]."""
-    errors = helix_errors(records, advance) if math.isfinite(advance) else []
+    errors = helix_errors(records, advance)
     curve = Curve(points=errors, style="is-measured", dots=True)
-    turns = [turn for turn, _ in errors] or [0.0, 1.0]
+    turns = [turn for turn, _ in errors if turn is not None] or [0.0, 1.0]
     low, high = math.floor(min(turns)), max(math.ceil(max(turns)), math.floor(min(turns)) + 1)
     across = Ends(float(low), float(high), float(math.ceil((high - low) / _MOST_TICKS)))
     up = ends_of([curve], 0.0, -_LEAST_ERROR, _LEAST_ERROR)
@@ -89,7 +83,7 @@ def control_drawings(state: ViewState, tolerance: float) -> dict[str, str]:
     across = Ends(float(first), float(last), float(math.ceil((last - first) / TURNS)))
     begin = max(first, FIRST_JUDGED - 1)
     return {
-        "chart-lay": chart(lay, across, Ends(*ticks(bottom, max(z), _LEAST_Z)), size=_UPPER),
+        "chart-lay": chart(lay, across, ticks(bottom, max(z), _LEAST_Z), size=_UPPER),
         "chart-off": chart(
             off,
             across,
@@ -117,15 +111,15 @@ def lay_curves(state: ViewState) -> dict[str, Points]:
     }
 
 
-def _points(theta: NDArray[Any], z: NDArray[Any]) -> Points:
-    """Return [turns, mm] of what is known, thinned where it is dense."""
+def _points(theta: NDArray[Any], z: NDArray[Any], *, every: bool = False) -> Points:
+    """Return [turns, mm] of what is known, thinned where it is dense unless every place counts."""
     turns, height = np.asarray(theta, float) / FULL_TURN, np.asarray(z, float) / MILLIMETRE
     known = np.isfinite(turns) & np.isfinite(height)
     turns, height = turns[known], height[known]
-    if turns.size:
+    if turns.size and not every:
         span = max(float(np.ptp(turns)), 1.0)
-        every = math.ceil(turns.size / (_POINTS_OF_A_TURN * span))
-        turns, height = turns[::every], height[::every]
+        step = math.ceil(turns.size / (_POINTS_OF_A_TURN * span))
+        turns, height = turns[::step], height[::step]
     return [[x, y] for x, y in zip(turns.round(3).tolist(), height.round(3).tolist(), strict=True)]
 
 

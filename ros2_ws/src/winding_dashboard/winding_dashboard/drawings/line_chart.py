@@ -15,8 +15,16 @@ _LETTER = 6.2
 _MOST_POINTS = 200
 
 
-def ticks(low: float, high: float, least: float) -> tuple[float, float, float]:
-    """Return lower end, upper end and interval of an axis that holds low to high [its unit]."""
+class Ends(NamedTuple):
+    """Of an axis, in its unit."""
+
+    low: float  # Lower end
+    high: float  # Upper end
+    step: float  # Distance of its ticks
+
+
+def ticks(low: float, high: float, least: float) -> Ends:
+    """Return an axis that holds low to high and a height at least [its unit]."""
     height = max(high - low, least)
     middle = 0.5 * (low + high)
     below, above = middle - 0.52 * height, middle + 0.52 * height
@@ -26,15 +34,7 @@ def ticks(low: float, high: float, least: float) -> tuple[float, float, float]:
     power = 10.0 ** math.floor(math.log10(raw))
     step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power >= raw)
     ends = (step * math.floor(below / step), step * math.ceil(above / step))
-    return round(ends[0], 9), round(ends[1], 9), step
-
-
-class Ends(NamedTuple):
-    """Of an axis, in its unit."""
-
-    low: float  # Lower end
-    high: float  # Upper end
-    step: float  # Distance of its ticks
+    return Ends(round(ends[0], 9), round(ends[1], 9), step)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +66,7 @@ def ends_of(curves: Sequence[Curve], least: float, *within: float) -> Ends:
     found = [*values, *within]
     if not found:
         return Ends(0.0, max(least, 1.0), max(least, 1.0))
-    return Ends(*ticks(min(found), max(found), least))
+    return ticks(min(found), max(found), least)
 
 
 def chart(

@@ -4,25 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from winding_core.units import MILLIMETRE
 from winding_dashboard.drawings.line_chart import Curve, Ends, chart, ends_of
-from winding_dashboard.state.trace import Trace
-from winding_dashboard.state.view_state import ViewState
+from winding_dashboard.state.view_state import Trace, ViewState
 
 # Shown before anything has come, so that axes do not jump [s].
 _LEAST_SPAN = 10.0
 _TICKS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 _MOST_TICKS = 6
+_MILLI = 1.0 / MILLIMETRE
 
 
-@dataclass(frozen=True, kw_only=True)
-class Series:
+class Series(NamedTuple):
     """One curve of a chart."""
 
     column: str  # Of the trace that it draws
     name: str  # In the legend; empty for a bound of another curve
     style: str  # CSS classes
+
+    def curve(self, trace: Trace, scale: float, origin: float) -> Curve:
+        """Return [t - origin, scale x value] of every sample."""
+        values = [(t - origin, scale * sample[self.column]) for t, sample in trace]
+        points = [[round(t, 3), None if math.isnan(y) else round(y, 5)] for t, y in values]
+        return Curve(points=points, style=self.style)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,14 +43,11 @@ class LiveChart:
 
     def drawing(self, trace: Trace, origin: float) -> str:
         """Return the inside of its SVG element; time counts from an origin [s]."""
-        curves = [
-            Curve(points=trace.points(item.column, self.scale, origin), style=item.style)
-            for item in self.series
-        ]
-        first, last = trace.first_time - origin, trace.last_time - origin
+        curves = [item.curve(trace, self.scale, origin) for item in self.series]
         low, high = 0.0, _LEAST_SPAN
-        if math.isfinite(last):
-            low = min(first, max(0.0, last - _LEAST_SPAN))
+        if trace and math.isfinite(origin):
+            last = trace[-1][0] - origin
+            low = min(trace[0][0] - origin, max(0.0, last - _LEAST_SPAN))
             high = max(last, low + _LEAST_SPAN)
         step = next((step for step in _TICKS if (high - low) / step <= _MOST_TICKS), _TICKS[-1])
         # Ticks stand at whole multiples, whenever the first sample came.
@@ -52,44 +55,28 @@ class LiveChart:
         return chart(curves, Ends(low, high, step), ends_of(curves, self.least), unit=" s")
 
 
-_SET = Series(column="speed_set", name="setpoint", style="is-set dashed")
+_SPEED = (
+    Series("speed", "measured", "is-measured"),
+    Series("speed_set", "setpoint", "is-set dashed"),
+)
+_FEED = (
+    Series("feed", "measured", "is-measured"),
+    Series("feed_set", "setpoint", "is-set dashed"),
+)
+_TENSION = (Series("tension", "measured", "is-measured"),)
+_LENGTH = (
+    Series("measured", "measured", "is-measured"),
+    Series("predicted", "predicted", "is-predicted dashed"),
+    Series("corrected", "corrected ±", "is-corrected"),
+    Series("low", "", "is-corrected thin dashed"),
+    Series("high", "", "is-corrected thin dashed"),
+)
 SPEEDS = (
-    LiveChart(
-        id="chart-speed",
-        title="Cylinder speed, rad/s",
-        series=(Series(column="speed", name="measured", style="is-measured"), _SET),
-        least=0.2,
-    ),
-    LiveChart(
-        id="chart-feed",
-        title="Carriage speed, mm/s",
-        series=(
-            Series(column="feed", name="measured", style="is-measured"),
-            Series(column="feed_set", name="setpoint", style="is-set dashed"),
-        ),
-        scale=1.0 / MILLIMETRE,
-        least=1.0,
-    ),
-    LiveChart(
-        id="chart-tension",
-        title="Tension at the guide, N",
-        series=(Series(column="tension", name="measured", style="is-measured"),),
-        least=0.2,
-    ),
+    LiveChart(id="chart-speed", title="Cylinder speed, rad/s", series=_SPEED, least=0.2),
+    LiveChart(id="chart-feed", title="Carriage speed, mm/s", series=_FEED, scale=_MILLI),
+    LiveChart(id="chart-tension", title="Tension at the guide, N", series=_TENSION, least=0.2),
 )
-LENGTH = LiveChart(
-    id="chart-length",
-    title="Curve length, mm",
-    series=(
-        Series(column="measured", name="measured", style="is-measured"),
-        Series(column="predicted", name="predicted", style="is-predicted dashed"),
-        Series(column="corrected", name="corrected ±", style="is-corrected"),
-        Series(column="low", name="", style="is-corrected thin dashed"),
-        Series(column="high", name="", style="is-corrected thin dashed"),
-    ),
-    scale=1.0 / MILLIMETRE,
-    least=1.0,
-)
+LENGTH = LiveChart(id="chart-length", title="Curve length, mm", series=_LENGTH, scale=_MILLI)
 CHARTS = (*SPEEDS, LENGTH)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 from winding_core.cable.condition import OWN, Condition
 from winding_core.parameters import (
@@ -37,24 +38,27 @@ def hint(item: Declaration) -> str:
     return "" if item.default in (0.0, "") else f"{item.default:g}"
 
 
-def filled_condition(case: int, law: str, filled: Mapping[str, object]) -> Condition:
-    """Return the condition that a filled form means.
+def typed_options(form: Mapping[str, Any]) -> dict[str, object]:
+    """Return the options of a condition that a filled form gives.
 
     Args:
-        case: Row of Table 1; 0 for another cable.
-        law: Material law.
-        filled: What stands in the form, by option; None and nothing stand for the default.
+        form: `case`, 0 for another cable, `law`, and `fields` by option; None and nothing stand
+            for the default there.
 
     Raises:
-        ParameterError: One sentence that names the field and its limit.
+        ValueError: There is no such field, or what stands there is no form.
     """
+    try:
+        case, filled = int(form.get("case") or 0), dict(form.get("fields") or {})
+    except TypeError as error:
+        raise ValueError(f"this is no form: {error}") from None
     refuse_unknown(filled, FIELDS, owner="the form")
     typed = {
         key: _whole(FIELDS[key], value)
         for key, value in filled.items()
         if value not in (None, "") and not (case and key in OWN_FIELDS)
     }
-    return Condition.from_typed({"case": case or None, "law": law, **typed}, spelling=label)
+    return {**({"case": case} if case else {}), "law": str(form.get("law")), **typed}
 
 
 def form_values(condition: Condition) -> dict[str, Value]:

@@ -1,20 +1,13 @@
-"""The card of the lay's controller: mode, basis of its commands, estimates, newest turns."""
+"""The card of the lay's controller: mode, basis of its commands, estimates."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
 
-from winding_core.lay.errors import TurnError, turn_state
 from winding_core.lay.records import ControlBasis, ControlMode
-from winding_core.units import MILLIMETRE
-from winding_dashboard.page.numbers import DASH, PER_METRE, number
+from winding_dashboard.page.cell import DASH, millimetres
 from winding_dashboard.state.control_state import ControlState
 
-# Newest turns in the table.
-_ROWS = 6
-_STYLES = {"off": "bad", "partly seen": "warn"}
 _BASES = {
     ControlBasis.MEASURED: "the measured lay is fed back",
     ControlBasis.MODEL: "TRACKER LOST: no lay has been measured for more than 1.5 turns; the guide "
@@ -22,45 +15,12 @@ _BASES = {
     ControlBasis.RAMP: "SOLVER LOST: the guide follows the plain ramp of the drive programme",
     ControlBasis.LATE: "COMMANDS LATE: the guide follows the plain ramp of the drive programme",
 }
-_MODES = {
+MODES = {
+    None: DASH,
     ControlMode.OFF: "Off: commands nothing",
     ControlMode.WATCH: "Watch: shows what it would command",
     ControlMode.DRIVE: "Drive: commands the machine",
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class TurnLine:
-    """One turn's row."""
-
-    cells: tuple[str, ...]  # Number, and lengths in millimetres
-    state: str  # How the turn lies, in a word or two
-    style: str  # Of that
-
-
-def turn_lines(turns: Sequence[TurnError], tolerance: float) -> list[TurnLine]:
-    """Return a row for each of the newest turns, held against a tolerance [m]."""
-    return [_line(turn, tolerance) for turn in turns[-_ROWS:]]
-
-
-def _line(turn: TurnError, tolerance: float) -> TurnLine:
-    state = turn_state(turn, tolerance)
-    return TurnLine(
-        cells=(
-            str(turn.number),
-            number(turn.wanted_z, 2, PER_METRE),
-            number(turn.measured_z, 2, PER_METRE),
-            number(turn.mean, 2, PER_METRE, sign=True),
-            number(turn.largest, 2, PER_METRE, sign=True),
-        ),
-        state=state,
-        style=_STYLES.get(state, "quiet"),
-    )
-
-
-def mode_words(mode: ControlMode | None) -> str:
-    """Return what a mode means; a dash before it is known."""
-    return DASH if mode is None else _MODES[mode]
 
 
 def basis_words(control: ControlState, now: float) -> tuple[str, bool]:
@@ -86,17 +46,13 @@ def beliefs(control: ControlState) -> dict[str, str]:
     would = "" if control.mode is ControlMode.DRIVE else "would be "
     return {
         "Lands at": _with_sigma(newest["z"], newest["sigma_z"], 2),
-        "Wanted there": _millimetres(newest["wanted_z"], 2),
+        "Wanted there": f"{millimetres(newest['wanted_z'], 2)} mm",
         "Free length": _with_sigma(newest["free_length"], newest["sigma_free_length"], 1),
         "Share of the pull": f"{newest['load_share']:.3f} ± {newest['sigma_load_share']:.3f}",
-        "Guide": f"{would}{_millimetres(newest['guide'], 1)}",
+        "Guide": f"{would}{millimetres(newest['guide'], 1)} mm",
         "Pull": f"{would}{newest['pull']:.2f} N" if math.isfinite(newest["pull"]) else "not set",
     }
 
 
-def _millimetres(value: float, digits: int) -> str:
-    return f"{value / MILLIMETRE:.{digits}f} mm"
-
-
 def _with_sigma(value: float, sigma: float, digits: int) -> str:
-    return f"{value / MILLIMETRE:.{digits}f} ± {sigma / MILLIMETRE:.{digits}f} mm"
+    return f"{millimetres(value, digits)} ± {millimetres(sigma, digits)} mm"

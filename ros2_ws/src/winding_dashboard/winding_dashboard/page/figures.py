@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from winding_core.cable.material_report import MaterialReport
 from winding_core.machine.readings import Quantity
-from winding_dashboard.page.numbers import DASH, PER_METRE, number
+from winding_dashboard.page.cell import DASH, Cell, millimetres, number
 from winding_dashboard.state.view_state import ViewState
 
 _MEGA = 1.0e6
@@ -15,8 +14,6 @@ _MEGA = 1.0e6
 _SHOWN_VOTES = 3
 # The clock of a simulated machine ends with its run, at full speed: nothing turns any more.
 _OVER, _STANDS = ("finished", "emergency stop"), "stands; the machine's clock has ended"
-# On the machine's clock an older value is no longer the present one [s].
-OLD = 1.0
 
 
 def material_sentence(material: MaterialReport | None) -> str:
@@ -34,64 +31,48 @@ def material_sentence(material: MaterialReport | None) -> str:
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Figure:
-    """One big number."""
-
-    name: str  # With its unit
-    value: str  # As text
-    remark: str  # Beneath it
-    old: bool = False  # Whether its source has fallen silent while the machine's clock went on
-
-
-def figures(state: ViewState) -> list[Figure]:
+def figures(state: ViewState) -> list[Cell]:
     """Return the newest readings."""
     axes, wanted = state.axes, state.setpoints
-    speed, feed = (
-        (axes.angular_speed, axes.feed_speed) if axes is not None else (math.nan, math.nan)
-    )
-    set_speed, set_feed = (
-        (wanted.angular_speed, wanted.feed_speed) if wanted is not None else (math.nan, math.nan)
-    )
+    over = state.phase in _OVER and state.clock_stands
+
+    def speed(name: str) -> tuple[float, float]:
+        measured = 0.0 if over else getattr(axes, name, math.nan)
+        return measured, getattr(wanted, name, math.nan)
+
+    turning, set_turning = speed("angular_speed")
+    feed, set_feed = speed("feed_speed")
     angle = axes.cylinder_angle if axes is not None else math.nan
     carriage = axes.carriage_position if axes is not None else math.nan
     best = next(iter(state.votes), None)
-    over = state.phase in _OVER and state.clock_stands
-    if over:
-        speed = feed = 0.0
     return [
-        Figure(
+        Cell(
             name="Cylinder, rad/s",
-            value=number(speed, 3),
-            remark=_STANDS if over else f"set {number(set_speed, 3)}",
+            word=number(turning, 3),
+            remark=_STANDS if over else f"set {number(set_turning, 3)}",
         ),
-        Figure(
+        Cell(
             name="Carriage, mm/s",
-            value=number(feed, 2, PER_METRE),
-            remark=_STANDS if over else f"set {number(set_feed, 2, PER_METRE)}",
+            word=millimetres(feed, 2),
+            remark=_STANDS if over else f"set {millimetres(set_feed, 2)}",
         ),
         *(_measured(state, quantity) for quantity in state.measured),
-        Figure(
-            name="Wound, turns",
-            value=number(angle / math.tau, 2),
-            remark=f"{number(angle, 2)} rad",
+        Cell(
+            name="Wound, turns", word=number(angle / math.tau, 2), remark=f"{number(angle, 2)} rad"
         ),
-        Figure(name="Carriage at, mm", value=number(carriage, 1, PER_METRE), remark="guide"),
-        Figure(
-            name="Resembles case", value=DASH if best is None else str(best), remark=_votes(state)
-        ),
+        Cell(name="Carriage at, mm", word=millimetres(carriage, 1), remark="guide"),
+        Cell(name="Resembles case", word=DASH if best is None else str(best), remark=_votes(state)),
     ]
 
 
-def _measured(state: ViewState, quantity: Quantity) -> Figure:
-    behind = state.behind(quantity.name)
-    old = behind > OLD
+def _measured(state: ViewState, quantity: Quantity) -> Cell:
+    old = state.old(quantity.name)
     source = quantity.sensor.replace("_", " ")
-    return Figure(
+    return Cell(
         name=f"{quantity.name.capitalize()}, {quantity.unit}",
-        value=number(state.measured[quantity], quantity.digits),
-        remark=f"{source}, {behind:.0f} s of machine time old" if old else source,
-        old=old,
+        word=number(state.measured[quantity], quantity.digits),
+        remark=f"{source}, {old:.0f} s of machine time old" if old else source,
+        style="old" if old else "",
     )
 
 

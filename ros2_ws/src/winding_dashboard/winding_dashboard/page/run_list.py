@@ -1,4 +1,4 @@
-"""The runs of a folder, newest first, with what they are worth and where their reports are."""
+"""The runs of a folder, newest first, with their outcomes and where their reports are."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from winding_dashboard.page.band import outcome_cell
+from winding_dashboard.page.cell import Cell
 from winding_dashboard.page.condition_form import brief
-from winding_dashboard.state.run_verdict import RunVerdict
 
 # A run's folder has these two; a session's further runs are one level below its first.
 _NUMBERS, _REPORT = "run.json", "report"
@@ -30,8 +31,7 @@ class ListedRun:
 
     date: str  # When it was begun, UTC; empty when it does not say
     condition: str  # What was wound
-    verdict: str  # In words
-    style: str  # `good`, `not-good`, or empty where it cannot be judged
+    outcome: Cell  # How it came out
     report: str  # Path of its page below the folder; empty without one
 
 
@@ -88,19 +88,17 @@ class RunList:
             return changed, ListedRun(
                 date=str(path.relative_to(self.folder)),
                 condition="",
-                verdict=f"cannot be read: {error}",
-                style="",
+                outcome=Cell(word="", remark=f"cannot be read: {error}"),
                 report=report,
             )
 
 
 def _listed(content: Mapping[str, Any], report: str) -> ListedRun:
-    verdict = RunVerdict.from_record(content)
+    outcome = content["outcome"]
     return ListedRun(
         date=str(content["identity"].get("date") or "").replace("T", " ").removesuffix("Z"),
         condition=_condition(content),
-        verdict=": ".join(filter(None, (verdict.word, verdict.sentence))),
-        style=verdict.style,
+        outcome=outcome_cell(outcome["verdict"], outcome["sentences"]),
         report=report,
     )
 

@@ -10,21 +10,17 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
-from winding_core.lay.records import ControlMode
+from winding_core.cable.condition import Condition
 from winding_core.parameters import typed_values
 from winding_core.run_options import OperatorLimits
+from winding_core.run_spec import SECTION_OF
 from winding_core.units import MILLIMETRE
 from winding_dashboard.page import commands
 from winding_dashboard.page.commands import Choice, CommandError, Graph
-from winding_dashboard.page.condition_form import filled_condition, form_values
+from winding_dashboard.page.condition_form import form_values, label, typed_options
+from winding_dashboard.page.recipes import Recipes
 from winding_dashboard.state.view_state import ViewState
 
-TITLES = {
-    commands.START: "Start",
-    commands.STOP: "Stop",
-    commands.RESET: "Reset",
-    commands.EMERGENCY_STOP: "EMERGENCY STOP",
-}
 PLAYED = "a recording is played; there is no machine"
 # Every node reports once a second: a page that has listened for longer knows the present [s].
 _LISTENED = 1.5
@@ -38,108 +34,132 @@ class OperatorSession:
     Args:
         state: What is known of the run.
         graph: What is commanded.
+        recipes: Conditions that are kept.
         limits: Returns what counts as good.
         time_of_day: Returns the time as it stands before a sentence.
         keep: Takes limits that an operator has set.
-
-    Attributes:
-        answer: What came of the last request, with its time of day; empty before any.
-        alarm: Whether that was a refusal.
-        choice: What the solver is set to wind; None before it answered.
-        preparing: What is being done while another run is prepared; empty otherwise.
-        refused: Why the last preparation was refused; empty otherwise.
     """
 
     def __init__(
         self,
         state: ViewState,
         graph: Graph,
+        recipes: Recipes,
         limits: Callable[[], OperatorLimits],
         time_of_day: Callable[[], str],
         keep: Callable[[OperatorLimits], object],
     ) -> None:
         self._state, self._graph, self._time_of_day = state, graph, time_of_day
         self._limits, self._keep = limits, keep
-        self.answer, self.alarm = "", False
-        self.choice: Choice | None = None
-        self.preparing = self.refused = ""
+        self.recipes = recipes
+        self.answer = ""  # What came of the last request, with its time of day
+        self.alarm = False  # Whether that was a refusal
+        self.choice: Choice | None = None  # What the solver is set to; None before it answered
+        self.preparing = ""  # What the nodes are taken through now
+        self.loaded: dict[str, Any] = {}  # What a recipe puts into the form
+        self.refused = ""  # Why the last preparation was refused
         self._recording = False
 
-    async def command(self, name: str) -> None:
-        """Give a command to the machine."""
-        title = TITLES[name].lower()
-        if not await self._do(title, self._graph.command(name)) or name != commands.RESET:
-            return
+    async def ask(self, what: str, work: Awaitable[str]) -> None:
+        """Carry out a request; its sentence, or the reason of a refusal, is the answer."""
+        try:
+            answer = await work
+        except (CommandError, ValueError) as error:
+            self.refuse(what, str(error))
+        else:
+            # What has been done stays true where there is no sentence of its own.
+            self._answer(f"{what}: {answer or 'done'}")
+
+    async def command(self, name: str) -> str:
+        """Give a command to the machine or to the controller of the lay."""
+        answer = await self._graph.command(name)
+        if name != commands.RESET:
+            return answer
         self._state.clear()
-        with self._showing("the nodes begin a new run"):
-            await self._do(title, self._graph.renew())
+        with self._preparing("the nodes begin a new run"):
+            return await self._graph.renew() or answer
 
-    async def switch(self, mode: ControlMode) -> None:
-        """Switch the controller of the lay."""
-        await self._do("lay control", self._graph.command(commands.LAY_CONTROL[mode]))
-
-    async def record(self, *, on: bool) -> None:
+    async def record(self, *, on: bool) -> str:
         """Begin a recording or end it."""
         self._recording = True
         try:
-            # What has been done stays true after the recording has ended.
-            await self._do("recording", self._graph.record(on), "begun" if on else "")
+            answer = await self._graph.record(on)
         finally:
             self._recording = False
+        return "begun" if on else answer
 
-    async def prepare(self, form: Mapping[str, Any]) -> None:
+    async def play(self, asked: Mapping[str, Any]) -> str:
+        """Go to `position` [s] of a recording that is played, or switch `paused`.
+
+        Raises:
+            ValueError: It is asked for neither.
+        """
+        position, paused = asked.get("position"), asked.get("paused")
+        if isinstance(position, int | float):
+            return await self._graph.play(position=float(position))
+        if isinstance(paused, bool):
+            return await self._graph.play(paused=paused)
+        raise ValueError("give a position in seconds, or whether it is paused")
+
+    async def prepare(self, form: Mapping[str, Any]) -> str:
         """Set another condition on every node.
 
         Args:
             form: What stands in the form: `case`, `law`, `take_up`, and `fields` by option; with
                 `check` it is looked at only.
+
+        Raises:
+            CommandError: That cannot be done now, or a node refused.
+            ValueError: What is typed is refused.
         """
         if reason := self.unprepared():
-            self._answer(f"prepare: {reason}", alarm=True)
-            return
+            raise CommandError(reason)
         try:
-            condition = filled_condition(
-                int(form.get("case") or 0), str(form.get("law")), dict(form.get("fields") or {})
-            )
-        except (ValueError, TypeError) as error:
-            self._refuse_preparation(error)
-            return
-        self.refused = ""
-        if form.get("check"):
-            self._answer("prepare: the form is complete; the present run will be dropped")
-            return
-        choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
-        # What comes from now on, the prediction among it, is of the run that is prepared.
-        self._state.begin_anew()
-        with self._showing("preparing"):
-            try:
+            condition = Condition.from_typed(typed_options(form), spelling=label)
+            self.refused = ""
+            if form.get("check"):
+                return "the form is complete; the present run will be dropped"
+            choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
+            # What comes from now on, the prediction among it, is of the run that is prepared.
+            self._state.begin_anew()
+            with self._preparing("preparing"):
                 remark = await self._graph.prepare(choice, self._show)
-            except CommandError as error:
-                self._refuse_preparation(error)
-                return
+        except (ValueError, CommandError) as error:
+            self.refused = str(error)
+            raise
         self.choice = choice
         case = condition.resolved().case
         name = f"case {case.number}" if case.number else "a condition of your own"
-        self._answer(f"prepare: ready to wind {name}{f'; {remark}' if remark else ''}")
+        return f"ready to wind {name}{f'; {remark}' if remark else ''}"
 
-    def _refuse_preparation(self, error: Exception) -> None:
-        self.refused = str(error)
-        self._answer(f"prepare: {error}", alarm=True)
+    async def save_recipe(self, name: str, form: Mapping[str, Any]) -> str:
+        """Keep what stands in the form as a cell file."""
+        self.recipes.save(name, typed_options(form))
+        return f"{name} is kept"
 
-    def set_limits(self, typed: Mapping[str, Any]) -> None:
-        """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm]."""
-        empty = [LIMIT_LABELS.get(key, key) for key, value in typed.items() if value in (None, "")]
-        if empty:
-            self._answer(f"limits: {empty[0]} is empty; give a number", alarm=True)
-            return
-        try:
-            found: dict[str, Any] = typed_values(OperatorLimits, typed, LIMIT_LABELS.__getitem__)
-        except (ValueError, TypeError) as error:
-            self._answer(f"limits: {error}", alarm=True)
-            return
+    async def load_recipe(self, name: str) -> str:
+        """Put a kept recipe into the form of the browser that asks, as `loaded`."""
+        spec = self.recipes.load(name)
+        self.loaded = _form(spec.condition)
+        left = [key for key in spec.given if SECTION_OF[key] != "condition"]
+        remark = f"; not {', '.join(left)}, which the run has already" if left else ""
+        return f"{name} stands in the form{remark}"
+
+    async def set_limits(self, typed: Mapping[str, Any]) -> str:
+        """Take what counts as good: `error_limit_pct` [%] and `lay_tolerance_mm` [mm].
+
+        Raises:
+            ValueError: One of them is refused.
+        """
+        for key, value in typed.items():
+            if value in (None, ""):
+                raise ValueError(f"{LIMIT_LABELS.get(key, key)} is empty; give a number")
+        found: dict[str, Any] = typed_values(
+            OperatorLimits, typed, lambda key: LIMIT_LABELS.get(key, key)
+        )
         self._keep(replace(self.limits, **found))
-        self._answer(
-            f"limits: {self.limits.error_limit_pct:g} % of a length, "
+        return (
+            f"{self.limits.error_limit_pct:g} % of a length, "
             f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
         )
 
@@ -163,13 +183,7 @@ class OperatorSession:
         """Return what stands in the form; empty before the solver has answered."""
         if self.choice is None:
             return {}
-        condition = self.choice.condition
-        return {
-            "case": condition.case,
-            "law": condition.law,
-            "take_up": self.choice.take_up,
-            "fields": form_values(condition),
-        }
+        return {**_form(self.choice.condition), "take_up": self.choice.take_up}
 
     def choosable(self) -> bool:
         """Return whether there is a condition to show and to change."""
@@ -184,9 +198,7 @@ class OperatorSession:
             return "another run is being prepared"
         if self._state.going:
             return f"cannot be chosen while the machine is {self._state.phase}"
-        if self.choice is None:
-            return "asking the solver what it is set to"
-        return ""
+        return "" if self.choice is not None else "asking the solver what it is set to"
 
     def unrecorded(self) -> str:
         """Return why the recording cannot be switched now; empty when it can."""
@@ -201,15 +213,13 @@ class OperatorSession:
             return PLAYED
         if command in commands.STOPS:
             return ""
-        phase = state.phase if state.heard(now) else ""
-        reason = (
-            self._graph.unavailable(command)
-            or commands.out_of_phase(command, phase)
-            or commands.between_runs(command, state.run_phase, moving=state.moving)
+        reason = self._graph.unavailable(command) or commands.untimely(
+            command,
+            state.phase if state.heard(now) else "",
+            state.run_phase,
+            moving=state.moving,
         )
-        if command == commands.START:
-            reason = reason or self._unready(now)
-        return reason
+        return reason or (self._unready(now) if command == commands.START else "")
 
     def _unready(self, now: float) -> str:
         """Return why nothing should be started at wall time now [s]; empty when it may."""
@@ -229,18 +239,8 @@ class OperatorSession:
         """Report that a request was not carried out."""
         self._answer(f"{what}: {why}", alarm=True)
 
-    async def _do(self, what: str, work: Awaitable[str], done: str = "") -> bool:
-        try:
-            answer = await work
-        except CommandError as error:
-            self._answer(f"{what}: {error}", alarm=True)
-            return False
-        if done or answer:
-            self._answer(f"{what}: {done or answer}")
-        return True
-
     @contextmanager
-    def _showing(self, what: str) -> Iterator[None]:
+    def _preparing(self, what: str) -> Iterator[None]:
         """Show what the nodes are taken through."""
         self._show(what)
         try:
@@ -253,3 +253,7 @@ class OperatorSession:
 
     def _answer(self, sentence: str, *, alarm: bool = False) -> None:
         self.answer, self.alarm = f"{self._time_of_day()}  {sentence}", alarm
+
+
+def _form(condition: Condition) -> dict[str, Any]:
+    return {"case": condition.case, "law": condition.law, "fields": form_values(condition)}

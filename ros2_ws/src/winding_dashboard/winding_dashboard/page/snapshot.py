@@ -23,28 +23,22 @@ from winding_dashboard.drawings.cylinder_view import Sight, cylinder_drawing, te
 from winding_dashboard.drawings.lay_charts import control_drawings, defect_sentence, lay_drawing
 from winding_dashboard.drawings.run_charts import length_drawing, speed_drawings
 from winding_dashboard.page import commands
-from winding_dashboard.page.band import (
-    condition_cell,
-    lay_verdict,
-    progress_cell,
-    state_cell,
-    verdict_cell,
-)
-from winding_dashboard.page.control_card import basis_words, beliefs, mode_words, turn_lines
+from winding_dashboard.page.band import band
+from winding_dashboard.page.cell import number
+from winding_dashboard.page.control_card import MODES, basis_words, beliefs
 from winding_dashboard.page.figures import figures, material_sentence
-from winding_dashboard.page.numbers import number
 from winding_dashboard.page.run_list import RunList
-from winding_dashboard.page.session import TITLES, OperatorSession
-from winding_dashboard.page.tables import active_warnings, marker_lines, node_lines, old_columns
-from winding_dashboard.state.health import recording_sentence
+from winding_dashboard.page.session import OperatorSession
+from winding_dashboard.state.health import RECORDER, recording_sentence
 from winding_dashboard.state.view_state import ViewState
 
 # Nothing is drawn more often than this [s]; charts and lists change more slowly.
 PERIOD = 0.15
-_CHARTS, _LISTS = 0.4, 1.0
+_SLOW = 0.5
 # Diagnostics come once a second: what was heard within this time is the present [s].
 _PRESENT = 1.5
 _REMEMBERED = 256
+_MOST_NODES, _NEWEST_TURNS = 12, 6
 # Element of each switch of the lay's controller.
 _MODES = {mode: f"mode-{mode.name.lower()}" for mode in ControlMode}
 # Of a camera whose picture size is not known yet [px].
@@ -82,15 +76,14 @@ class Snapshots:
         clock: Callable[[], float],
         server: str,
     ) -> None:
-        self._state, self._session, self._runs = state, session, runs
+        self._state, self.session, self.runs = state, session, runs
         self._render, self._clock, self._server = render, clock, server
         self._sequence = 0
         self._made: OrderedDict[int, float] = OrderedDict()
         self._due = -math.inf
         self._newest: dict[str, Any] = {}
         self._own: dict[Wanted, dict[str, str]] = {}
-        self._charts: tuple[float, dict[str, str]] = (-math.inf, {})
-        self._lists: tuple[float, dict[str, str]] = (-math.inf, {})
+        self._slow: tuple[float, dict[str, str]] = (-math.inf, {})
 
     def snapshot(self, wanted: Wanted) -> dict[str, Any]:
         """Return the newest snapshot as JSON values."""
@@ -113,6 +106,7 @@ class Snapshots:
     def changed(self) -> None:
         """Make the next snapshot anew: an operator did something."""
         self._due = -math.inf
+        self._slow = (-math.inf, {})
 
     def age(self, server: object, sequence: object) -> float:
         """Return how old a snapshot is [s]; infinite for one that is no longer kept."""
@@ -121,16 +115,14 @@ class Snapshots:
         return self._clock() - self._made.get(sequence, -math.inf)
 
     def _make(self, now: float) -> None:
-        state, session = self._state, self._session
+        state, session = self._state, self.session
         self._sequence += 1
         self._made[self._sequence], self._due = now, now + PERIOD
         while len(self._made) > _REMEMBERED:
             self._made.popitem(last=False)
         self._own = {}
-        if now - self._charts[0] >= _CHARTS:
-            self._charts = (now, self._chart_parts())
-        if now - self._lists[0] >= _LISTS:
-            self._lists = (now, self._list_parts(now))
+        if now - self._slow[0] >= _SLOW:
+            self._slow = (now, self._chart_parts() | self._list_parts(now))
         silent = now - max(state.last_data, state.health.last_heard)
         off = self._off(now)
         self._newest = {
@@ -140,7 +132,7 @@ class Snapshots:
             "resets": state.resets,
             "age": None if math.isinf(silent) else (silent if silent > _PRESENT else 0.0),
             "texts": self._texts(now),
-            "parts": self._quick_parts(now) | self._charts[1] | self._lists[1],
+            "parts": self._quick_parts(now) | self._slow[1],
             "off": off,
             "ask": self._ask(now),
             "hidden": self._hidden(now, off),
@@ -152,14 +144,15 @@ class Snapshots:
                 "control-basis": basis_words(state.control, state.time)[1],
                 "prepare-answer": bool(session.refused),
             },
+            "playback": state.playback,
             "picture": base64.b64encode(state.picture).decode("ascii"),
         }
 
     def _texts(self, now: float) -> dict[str, str]:
-        state, session = self._state, self._session
+        state, session = self._state, self.session
         recording = state.recording(now)
         unrecorded = session.unrecorded()
-        recorded = unrecorded if unrecorded and not recording.on else recording_sentence(recording)
+        recorded = recording_sentence(state.health.message(RECORDER), recording)
         tracked = f"{measured_count(state.tracked)} of {len(state.tracked)}"
         basis, _ = basis_words(state.control, state.time)
         return {
@@ -167,31 +160,22 @@ class Snapshots:
             "answer": session.answer,
             "why-off": self._why_off(now),
             "camera-count": f"{tracked} measured in this frame",
-            "record": "Stop recording" if recording.on else "Record",
+            "record": "Stop recording" if recording.get("bag") else "Record",
             "nodes-title": "Nodes, as recorded" if state.player else "Nodes",
-            "recorded": recorded,
+            "recorded": recorded if recording.get("bag") else unrecorded or recorded,
             "prepare-answer": session.preparing or session.unprepared() or session.refused,
-            "control-mode": mode_words(state.control.mode),
+            "control-mode": MODES[state.control.mode],
             "control-basis": basis,
             "material": material_sentence(state.material),
         }
 
     def _quick_parts(self, now: float) -> dict[str, str]:
         state = self._state
-        label, limits = state.label, self._session.limits
-        band = (
-            ("state", state_cell(state, now, self._session.preparing)),
-            ("condition", condition_cell(label)),
-            ("progress", progress_cell(state, label)),
-            ("verdict", verdict_cell(state, limits)),
-        )
         return {
-            "band": self._render("band", {"cells": band}),
-            "alerts": self._render("alerts", {"warnings": active_warnings(state.health, now)}),
+            "band": self._render("band", {"cells": band(state, now, self.session.preparing)}),
+            "alerts": self._render("alerts", {"warnings": state.health.warnings(now)}),
             "figures": self._render("figures", {"figures": figures(state)}),
-            "markers": self._render(
-                "markers", {"lines": marker_lines(state), "old": old_columns(state)}
-            ),
+            "markers": self._render("markers", {"rows": state.marker_rows(), "old": state.old}),
             "overlay": self._render(
                 "overlay", {"size": _picture_size(state), "drawing": camera_overlay(state)}
             ),
@@ -199,20 +183,14 @@ class Snapshots:
         }
 
     def _chart_parts(self) -> dict[str, str]:
-        state, limits = self._state, self._session.limits
+        state, tolerance = self._state, self.session.limits.lay_tolerance
         parts = speed_drawings(state)
         if state.control.known:
-            wanted = state.control.wanted
-            verdict = lay_verdict(state, limits.lay_tolerance)
-            turns = turn_errors(state.lay, wanted)
-            parts |= control_drawings(state, limits.lay_tolerance)
+            turns = turn_errors(state.lay, state.control.wanted)[-_NEWEST_TURNS:]
+            parts |= control_drawings(state, tolerance)
             parts["turns"] = self._render(
                 "turns",
-                {
-                    "lines": turn_lines(turns, limits.lay_tolerance),
-                    "facts": beliefs(state.control),
-                    "verdict": verdict.sentence if verdict is not None else "",
-                },
+                {"turns": turns, "tolerance": tolerance, "facts": beliefs(state.control)},
             )
         elif len(state.lay):
             parts["chart-helix"] = lay_drawing(state.lay, state.advance)
@@ -221,14 +199,15 @@ class Snapshots:
 
     def _list_parts(self, now: float) -> dict[str, str]:
         return {
-            "nodes": self._render("nodes", {"lines": node_lines(self._state.health, now)}),
-            "runs": self._render("runs", {"runs": self._runs.runs()}),
+            "nodes": self._render("nodes", {"rows": self._state.health.rows(now)[:_MOST_NODES]}),
+            "runs": self._render("runs", {"runs": self.runs.runs()}),
             "others": self._render("others", {"rows": sorted(self._state.others.items())}),
+            "recipes": self._render("recipes", {"names": self.session.recipes.names()}),
         }
 
     def _off(self, now: float) -> dict[str, str]:
-        session = self._session
-        off = {name: session.unavailable(name, now) for name in TITLES}
+        session = self.session
+        off = {name: session.unavailable(name, now) for name in commands.MACHINE}
         off |= {
             name: session.unavailable(commands.LAY_CONTROL[mode], now)
             for mode, name in _MODES.items()
@@ -243,7 +222,7 @@ class Snapshots:
         return {
             commands.RESET: "ask-reset",
             "prepare": "ask-prepare" if state.time > 0.0 else "",
-            "record": "ask-record" if state.recording(now).on and going else "",
+            "record": "ask-record" if state.recording(now).get("bag") and going else "",
             "mode-drive": "" if drives else "ask-drive",
             "mode-watch": "ask-watch" if drives and going else "",
             "mode-off": "ask-off" if drives and going else "",
@@ -253,12 +232,14 @@ class Snapshots:
         state = self._state
         control = state.control.known
         return {
-            "recording": not state.recording(now).on,
+            "recording": not state.recording(now).get("bag"),
             "control-card": not control,
             "helix-card": control or not len(state.lay),
-            "runs-card": self._runs.folder is None,
+            "runs-card": self.runs.folder is None,
+            "recipe-row": self.runs.folder is None or bool(state.player),
+            "playback": state.playback is None,
             "others-card": not state.others,
-            "condition-fields": not self._session.choosable(),
+            "condition-fields": not self.session.choosable(),
             "lay-limit": not control,
             "no-picture": bool(state.picture),
             # What plays a recording has nothing that could be switched.
@@ -267,7 +248,7 @@ class Snapshots:
 
     def _why_off(self, now: float) -> str:
         """Return why nothing can be started now, beside Start; empty when it can."""
-        reason = self._session.unavailable(commands.START, now)
+        reason = self.session.unavailable(commands.START, now)
         if self._state.player:
             return f"Commands are off: {reason}"
         return f"Start is off: {reason}" if reason and not self._state.going else ""

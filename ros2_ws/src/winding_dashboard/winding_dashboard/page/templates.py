@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -9,18 +10,29 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from winding_core.cable.cases import paper_cases
 from winding_core.cable.condition import Condition
 from winding_core.cable.wound_label import WoundLabel
-from winding_core.lay.records import ControlMode
+from winding_core.lay.errors import turn_state
+from winding_core.status import Level
 from winding_core.units import MILLIMETRE
 from winding_dashboard.drawings.run_charts import CHARTS
+from winding_dashboard.page.cell import millimetres, number
+from winding_dashboard.page.commands import LAY_CONTROL
 from winding_dashboard.page.condition_form import FIELDS, LAWS, OWN_FIELDS, brief, hint, label
 from winding_dashboard.page.session import LIMIT_LABELS
 from winding_dashboard.state.marker_rows import MOST_MARKERS
 
 _OWN = 0
+# Word and style of a node's level, and style of a turn's state.
+_LEVELS = {
+    Level.OK: ("ok", "quiet"),
+    Level.WARN: ("warning", "warn"),
+    Level.ERROR: ("ERROR", "bad"),
+    Level.STALE: ("silent", "warn"),
+}
+_TURNS = {"off": "bad", "partly seen": "warn"}
 _PAGE, _PARTS = "page.html", "parts.html"
 
 
-def page_content() -> dict[str, Any]:
+def _page_content() -> dict[str, Any]:
     """Return what the page's template shows."""
     return {
         "cases": _cases(),
@@ -30,7 +42,7 @@ def page_content() -> dict[str, Any]:
         "limit_labels": LIMIT_LABELS,
         "charts": CHARTS,
         "most_markers": MOST_MARKERS,
-        "modes": [mode.name.lower() for mode in ControlMode],
+        "modes": {mode.name.lower(): name for mode, name in LAY_CONTROL.items()},
     }
 
 
@@ -72,12 +84,15 @@ class Templates:
             trim_blocks=True,
             lstrip_blocks=True,
         )
+        environment.filters |= {"number": number, "mm": millimetres}
+        environment.tests["finite"] = math.isfinite
+        environment.globals |= {"levels": _LEVELS, "turn_state": turn_state, "turn_styles": _TURNS}
         self._page = environment.get_template(_PAGE)
         self._parts = environment.get_template(_PARTS).module
 
-    def page(self, shown: dict[str, Any]) -> str:
+    def page(self) -> str:
         """Return the page without any value of the run."""
-        return self._page.render(shown)
+        return self._page.render(_page_content())
 
     def part(self, name: str, shown: dict[str, Any]) -> str:
         """Return one part.

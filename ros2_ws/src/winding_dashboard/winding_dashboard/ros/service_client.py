@@ -6,16 +6,16 @@ import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeVar
 
 from rclpy.node import Node
+from std_srvs.srv import SetBool
 
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
-from winding_core.lay.records import ControlMode
 from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import ParameterError, build, declarations
-from winding_core.status import REFUSED_TRANSITION
+from winding_core.status import PLAYER, REFUSED_TRANSITION
 from winding_dashboard.page import commands
 from winding_dashboard.page.commands import Choice, CommandError
 from winding_dashboard.state.health import SILENCE, Health
@@ -26,6 +26,7 @@ from winding_ros.graph import GRAPH, GraphError, controlled, without_replay
 from winding_ros.message_guard import subscribers_of
 from winding_ros.services import Service
 
+Record = TypeVar("Record")
 NODES = tuple(spec.name for spec in GRAPH)
 _CONTROLLED = tuple(spec.name for spec in controlled())
 _COMMANDS = {
@@ -33,12 +34,12 @@ _COMMANDS = {
     commands.STOP: services.STOP,
     commands.RESET: services.RESET,
     commands.EMERGENCY_STOP: services.EMERGENCY_STOP,
-    commands.LAY_CONTROL[ControlMode.OFF]: services.LAY_CONTROL_OFF,
-    commands.LAY_CONTROL[ControlMode.WATCH]: services.LAY_CONTROL_WATCH,
-    commands.LAY_CONTROL[ControlMode.DRIVE]: services.LAY_CONTROL_DRIVE,
+    "lay_control_off": services.LAY_CONTROL_OFF,
+    "lay_control_watch": services.LAY_CONTROL_WATCH,
+    "lay_control_drive": services.LAY_CONTROL_DRIVE,
 }
 # Nodes that publish a recording: `winding bag play` and `ros2 bag play`.
-_PLAYERS = ("bag_player", "rosbag2_player")
+_PLAYERS = (PLAYER, "rosbag2_player")
 _ANSWER = 3.0
 _QUICK = 0.9
 _TAKE_UP = "take_up_material"
@@ -52,6 +53,8 @@ _CLOSING = 120.0
 
 class ServiceClient:
     """The graph as the page commands it (`commands.Graph`).
+
+    What a node refuses, or does not answer in time, is a CommandError.
 
     Args:
         node: A node that an executor spins.
@@ -77,6 +80,8 @@ class ServiceClient:
         self._first_lay: str | None = None
         self._calls = ServiceCaller(node, wake)
         self._driver = LifecycleDriver(self._calls, self._namespace, self._refusal)
+        # A player belongs to no graph.
+        self._player = LifecycleDriver(self._calls, "", self._refusal)
 
     def unavailable(self, command: str) -> str:
         """Return why a command cannot be given now; empty when it can."""
@@ -103,28 +108,15 @@ class ServiceClient:
             raise CommandError(f"{error}{advice}") from None
 
     async def choice(self) -> Choice:
-        """Return what the solver is set to wind.
-
-        Raises:
-            CommandError: It does not answer, or with something else.
-        """
-        names = [item.name for item in declarations(Condition)]
-        async with _as_commands():
-            got = await self._driver.parameters(topics.FEM, [*names, _TAKE_UP])
-        take_up = bool(got.pop(_TAKE_UP))
-        try:
-            return Choice(condition=build(Condition, got, owner=topics.FEM), take_up=take_up)
-        except ParameterError as error:
-            raise CommandError(f"{topics.FEM}: {error}") from error
+        """Return what the solver is set to wind."""
+        condition, got = await self._solver(Condition, _TAKE_UP)
+        return Choice(condition=condition, take_up=bool(got[_TAKE_UP]))
 
     async def prepare(self, choice: Choice, report: Callable[[str], None]) -> str:
         """Set a choice on every node, bring all nodes up and wait until they hear each other.
 
         Returns:
             What the operator should know of it, or nothing.
-
-        Raises:
-            CommandError: A node refused, or did not answer in time.
         """
         condition = asdict(choice.condition)
         nodes = self._nodes
@@ -159,48 +151,49 @@ class ServiceClient:
         return f"{missing}; `winding run --dashboard` does" if missing else ""
 
     async def record(self, on: bool) -> str:
-        """Begin a recording or end it.
-
-        Raises:
-            CommandError: The recorder refused, or did not answer in time.
-        """
+        """Begin a recording or end it."""
         request = services.RECORD.type.Request(data=on)
         async with _as_commands():
             return await self._ask(services.RECORD, request, _CLOSING)
 
     async def renew(self) -> str:
-        """Let the listeners begin a new run, unless the reset has done so.
-
-        Raises:
-            CommandError: One of them refused, or did not answer in time.
-        """
+        """Let the listeners begin a new run, unless the reset has done so."""
         if self._driven_elsewhere:
             return ""
         async with _as_commands():
             await self._driver.renew(name for name in self._nodes if name != topics.RIG)
         return "the machine and its watchers stand at the start of a run"
 
-    async def axes(self) -> MachineAxes | None:
-        """Return how the solver reads the machine's axes; None for a simulated machine.
-
-        Raises:
-            CommandError: It does not answer, or with something else.
-        """
-        if not self._driven_elsewhere:
-            return None
-        names = [item.name for item in declarations(MachineAxes)]
+    async def play(self, *, position: float | None = None, paused: bool | None = None) -> str:
+        """Go to a place of the recording that is played [s], or pause it or go on."""
         async with _as_commands():
-            got = await self._driver.parameters(topics.FEM, names)
-        try:
-            return build(MachineAxes, got, owner=topics.FEM)
-        except ParameterError as error:
-            raise CommandError(f"{topics.FEM}: {error}") from error
+            if position is not None:
+                await self._player.set_parameters(PLAYER, {"position": position})
+            if paused is not None:
+                request = SetBool.Request(data=paused)
+                await self._calls.call(SetBool, f"/{PLAYER}/set_paused", request, _ANSWER)
+        return ""
+
+    async def axes(self) -> MachineAxes | None:
+        """Return how the solver reads the machine's axes; None for a simulated machine."""
+        return (await self._solver(MachineAxes))[0] if self._driven_elsewhere else None
 
     async def lifecycle(self) -> dict[str, str]:
         """Return the state of every node that answers, by name."""
         nodes = self._nodes
         states = await asyncio.gather(*(self._state(name) for name in nodes))
         return {name: state for name, state in zip(nodes, states, strict=True) if state}
+
+    async def _solver(self, record: type[Record], *more: str) -> tuple[Record, dict[str, object]]:
+        """Return a record of the solver's parameters, and the values of further ones."""
+        names = [item.name for item in declarations(record)]
+        async with _as_commands():
+            got = await self._driver.parameters(topics.FEM, [*names, *more])
+        try:
+            kept = {name: got[name] for name in names if name in got}
+            return build(record, kept, owner=topics.FEM), got
+        except ParameterError as error:
+            raise CommandError(f"{topics.FEM}: {error}") from error
 
     @property
     def _driven_elsewhere(self) -> bool:

@@ -9,6 +9,7 @@ from winding_core.status import Level, Status
 
 RECORDER = "recorder"
 _UNITS = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
+_DIGITS = 19
 # A node repeats its state every second; one that misses three is not heard.
 SILENCE = 3.5
 # Names of external nodes that are kept before the oldest are forgotten.
@@ -18,54 +19,20 @@ _MOST_PARTS = 16
 _WORKING = ("active", "no answer")
 
 
-@dataclass(frozen=True, kw_only=True)
-class Recording:
-    """The bag that is being recorded."""
-
-    bag: str = ""  # Name of its folder; empty when nothing is recorded
-    messages: int = 0  # So many are in it
-    size: int = 0  # Bytes of it on the disk
-    lost: int = 0  # Messages that never arrived
-    message: str = ""  # Its message in /diagnostics; empty when it is not heard
-    ended: bool = False  # Whether it has ended by itself, and the message has why
-
-    @property
-    def on(self) -> bool:
-        """Whether something is being recorded."""
-        return bool(self.bag)
+def recording_sentence(message: str, values: Mapping[str, str]) -> str:
+    """Return what an operator reads of the recorder's message and values in /diagnostics."""
+    if not values.get("bag"):
+        return message if "ended" in values else "nothing is being recorded"
+    count, size, lost = (_whole(values.get(name, "")) for name in ("messages", "bytes", "lost"))
+    unit, factor = next((unit for unit in _UNITS if size >= unit[1]), ("bytes", 1))
+    written = f"{count:,} messages, {size / factor:.{1 if factor > 1 else 0}f} {unit}"
+    missing = f", {lost} never arrived" if lost else ""
+    return f"into {values['bag']}: {written.replace(',', ' ', 1)}{missing}"
 
 
-def recording_of(health: Health) -> Recording:
-    """Return the recorder's newest report; an empty one where its values cannot be read."""
-    values = health.values(RECORDER)
-    try:
-        return Recording(
-            bag=values.get("bag", ""),
-            messages=int(values.get("messages", 0)),
-            size=int(values.get("bytes", 0)),
-            lost=int(values.get("lost", 0)),
-            message=health.message(RECORDER),
-            ended="ended" in values,
-        )
-    except ValueError:
-        return Recording()
-
-
-def recording_sentence(recording: Recording) -> str:
-    """Return what an operator reads of a recording."""
-    if not recording.on:
-        return recording.message if recording.ended else "nothing is being recorded"
-    lost = f", {recording.lost} never arrived" if recording.lost else ""
-    messages = f"{recording.messages:,}".replace(",", " ")
-    return f"into {recording.bag}: {messages} messages, {size_text(recording.size)}{lost}"
-
-
-def size_text(size: int) -> str:
-    """Return a number of bytes with a unit."""
-    for unit, factor in _UNITS:
-        if size >= factor:
-            return f"{size / factor:.1f} {unit}"
-    return f"{size} bytes"
+def _whole(text: str) -> int:
+    """Return a whole number that any node may have published; 0 for none."""
+    return int(text) if text.isascii() and text.isdecimal() and len(text) < _DIGITS else 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -160,25 +127,30 @@ class Health:
         others = [name for name in self._reports if name not in self._expected]
         return [self._row(name, now) for name in (*self._expected, *others)]
 
+    def warnings(self, now: float) -> list[NodeHealth]:
+        """Return the rows of the nodes that warn, at wall time now [s].
+
+        A node that was never heard is no warning: a played bag has no machine.
+        """
+        return [
+            row
+            for row in self.rows(now)
+            if row.level in (Level.WARN, Level.ERROR)
+            or (row.level is Level.STALE and row.name in self._heard)
+        ]
+
     def _row(self, name: str, now: float) -> NodeHealth:
-        lifecycle = self.lifecycle.get(name, "")
         reports = list(self._reports.get(name, {}).values())
-        if not reports:
-            return NodeHealth(
-                name=name, lifecycle=lifecycle, level=Level.STALE, message="not heard yet"
-            )
-        silent = now - self._heard[name]
-        if silent > SILENCE:
-            return NodeHealth(
-                name=name,
-                lifecycle=lifecycle,
-                level=Level.STALE,
-                message=f"silent for {silent:.0f} s",
-            )
-        worst = max(report.level for report in reports)
-        messages = dict.fromkeys(report.message for report in reports if report.message)
+        silent = now - self._heard[name] if reports else 0.0
+        if reports and silent <= SILENCE:
+            level = max(report.level for report in reports)
+            messages = dict.fromkeys(report.message for report in reports if report.message)
+            message = "; ".join(messages) or "ok"
+        else:
+            level = Level.STALE
+            message = f"silent for {silent:.0f} s" if reports else "not heard yet"
         return NodeHealth(
-            name=name, lifecycle=lifecycle, level=worst, message="; ".join(messages) or "ok"
+            name=name, lifecycle=self.lifecycle.get(name, ""), level=level, message=message
         )
 
 

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from winding_core.markers import MarkerFlag, Markers
 
 NAN = float("nan")
-MOST_MARKERS = 8
+# Rows from the start, and rows at most.
+USUAL_MARKERS, MOST_MARKERS = 4, 8
 # The gravest first.
 _STATES = (
     (MarkerFlag.NOT_WOUND, "not wound"),
@@ -44,25 +45,24 @@ class MarkerRow:
 def marker_rows(
     *, ahead: Markers, predicted: Markers, corrected: Markers, tracked: Markers
 ) -> list[MarkerRow]:
-    """Return a row for every marker but P0 that any source names, by number."""
+    """Return a row for the usual markers and every other but P0 that a source names, by number."""
     sources = {
-        "ahead": _lengths(ahead),
-        "predicted": _lengths(predicted),
-        "corrected": _lengths(corrected),
-        "measured": _lengths(tracked),
+        "ahead": _column(ahead, "s"),
+        "predicted": _column(predicted, "s"),
+        "corrected": _column(corrected, "s"),
+        "low": _column(corrected, "s_low"),
+        "high": _column(corrected, "s_high"),
+        "measured": _column(tracked, "s"),
     }
-    low, high = _column(corrected, "s_low"), _column(corrected, "s_high")
     states = {int(marker["id"]): _state(int(marker["flags"])) for marker in tracked}
-    numbers = sorted({number for found in sources.values() for number in found} | set(states))
+    named = {number for found in sources.values() for number in found} | set(states)
     return [
         MarkerRow(
             id=number,
             **{name: found.get(number, NAN) for name, found in sources.items()},
-            low=low.get(number, NAN),
-            high=high.get(number, NAN),
             state=states.get(number, _unseen(sources, number)),
         )
-        for number in numbers
+        for number in sorted(named | set(range(1, USUAL_MARKERS + 1)))
         if 0 < number <= MOST_MARKERS
     ]
 
@@ -72,18 +72,12 @@ def _unseen(sources: Mapping[str, Mapping[int, float]], number: int) -> str:
     return "not seen" if math.isfinite(sources["predicted"].get(number, NAN)) else "not wound"
 
 
-def _lengths(markers: Markers) -> dict[int, float]:
-    return {
-        int(marker["id"]): float(marker["s"])
-        for marker in markers
-        if not int(marker["flags"]) & MarkerFlag.NOT_WOUND
-    }
-
-
 def _column(markers: Markers, name: str) -> dict[int, float]:
-    if name not in (markers.dtype.names or ()):
-        return {}
-    return {int(marker["id"]): float(marker[name]) for marker in markers}
+    return {
+        int(marker["id"]): float(marker[name])
+        for marker in markers
+        if not int(marker["flags"]) & MarkerFlag.NOT_WOUND and name in (markers.dtype.names or ())
+    }
 
 
 def _state(flags: int) -> str:

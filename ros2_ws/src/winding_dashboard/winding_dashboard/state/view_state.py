@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections import deque
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -18,14 +19,11 @@ from winding_core.cable.wound_label import WoundLabel
 from winding_core.lay.records import LAY_DTYPE, LayRecords
 from winding_core.machine.readings import CABLE_TENSION, AxisReading, Quantity
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE, Markers
-from winding_core.status import STATUS, RunPhase, Status
+from winding_core.status import OUTCOME_COMPONENT, PLAYBACK, STATUS, RunPhase, Status
 from winding_dashboard.state.camera_view import CameraView
 from winding_dashboard.state.control_state import ControlState
-from winding_dashboard.state.health import RECORDER, SILENCE, Health, Recording, recording_of
-from winding_dashboard.state.marker_rows import MOST_MARKERS, MarkerRow, marker_rows
-from winding_dashboard.state.run_verdict import STATUS as VERDICT
-from winding_dashboard.state.run_verdict import RunVerdict
-from winding_dashboard.state.trace import NAN, Trace
+from winding_dashboard.state.health import RECORDER, SILENCE, Health
+from winding_dashboard.state.marker_rows import MOST_MARKERS, NAN, MarkerRow, marker_rows
 
 # The machine's clock went back by more: a new run, or a recording from its beginning [s].
 _NEW_RUN = 0.5
@@ -35,10 +33,16 @@ _DEFAULT_CABLE_RADIUS = 0.002
 # Ten samples a second for a minute.
 SAMPLES = 600
 STANDING = 0.01
+# On the machine's clock an older value is no longer the present one [s].
+_OLD = 1.0
 # Wall time without a new time of the machine after which its clock stands, or is not heard [s].
 _STANDS = 0.5
 # Characters of a message that are shown as text.
 _OTHER_LENGTH = 160
+_OUTCOME = f"orchestrator: {OUTCOME_COMPONENT}"
+LENGTHS = ("predicted", "corrected", "low", "high", "measured")
+# Times [s] with what was then.
+Trace = deque[tuple[float, Mapping[str, float]]]
 # Attributes with records that nodes publish while the machine's clock runs.
 SOURCES = ("tracked", "predicted", "corrected", "cable")
 
@@ -51,28 +55,6 @@ class ViewState:
         machine: Name of the node whose own message is the machine's phase.
         solver: Name of the node that reports what is wound.
         quantities: What the machine's sensors measure, the tension among it.
-
-    Attributes:
-        health: Of the nodes.
-        time: Newest time of the machine's clock [s]; nan before any.
-        axes: Measured motion.
-        setpoints: Commanded motion.
-        measured: Newest value of each sensor of the machine, in SI units.
-        others: Newest content of every topic without a part of the page, as text, by name.
-        picture: The newest preview, JPEG; empty before any.
-        votes: Share of votes by case number, best first.
-        material: What the tracked markers tell of the cable's material; None before any.
-        lay: Measured places of every turn, of `lay_time` [s].
-        picture_time: Of the picture [s]; nan before any.
-        times: Of the newest message of each source and sensor [s]; nan before any.
-        resets: How often the run was forgotten, so that time may begin again.
-        player: Name of the node that plays a recording in the machine's place; empty for a machine.
-        verdict: How the present run came out; None before it is over.
-        clock_stands: Whether the machine's clock has stopped, or is not heard any more.
-        advance: Of the commanded helix [m/rad]; nan before any motion.
-        control: What the controller of the lay reports.
-        speeds: Trace of measured and commanded speeds and the tension.
-        lengths: Trace of each marker's curve lengths by its number.
     """
 
     def __init__(
@@ -87,17 +69,17 @@ class ViewState:
         self._quantities = quantities
         self.health = Health(nodes)
         self.control = ControlState()
-        self.speeds = Trace("speed", "speed_set", "feed", "feed_set", "tension", capacity=SAMPLES)
-        self.lengths = {
-            number: Trace("predicted", "corrected", "low", "high", "measured", capacity=SAMPLES)
-            for number in range(1, MOST_MARKERS + 1)
+        # Measured and commanded motion, and the curve lengths of each marker by its number.
+        self.speeds: Trace = deque(maxlen=SAMPLES)
+        self.lengths: dict[int, Trace] = {
+            number: deque(maxlen=SAMPLES) for number in range(1, MOST_MARKERS + 1)
         }
         self.cable_radius = _DEFAULT_CABLE_RADIUS
         self.camera: CameraView | None = None
         self.last_data = float("-inf")
-        self.resets = 0
-        self.player = ""
-        self.verdict: RunVerdict | None = None
+        self.resets = 0  # How often the run was forgotten, so that time may begin again
+        self.player = ""  # Node that plays a recording in the machine's place
+        self.outcome: Mapping[str, str] = {}  # Record of the run that is over
         self.clear()
 
     def begin_anew(self) -> None:
@@ -108,17 +90,17 @@ class ViewState:
     def clear(self) -> None:
         """Forget the run; health and camera stay."""
         self.resets += 1
-        # The orchestrator repeats the verdict of a run until the next one has begun.
-        self._forgotten, self.verdict = self.health.values(VERDICT), None
-        self.clock_stands = False
-        self.time = self._standing_until = NAN
+        # The orchestrator repeats the outcome of a run until the next one has begun.
+        self._forgotten, self.outcome = self.health.values(_OUTCOME), {}
+        self.clock_stands = False  # Or it is not heard any more
+        self.time = self._standing_until = NAN  # Newest of the machine's clock [s]
         self._first_motion: tuple[float, float, float] | None = None
         self.axes: AxisReading | None = None
         self.setpoints: AxisReading | None = None
-        self.measured = dict.fromkeys(self._quantities, NAN)
-        self.others: dict[str, str] = {}
-        self.picture = b""
-        self.votes: dict[int, float] = {}
+        self.measured = dict.fromkeys(self._quantities, NAN)  # In SI units
+        self.others: dict[str, str] = {}  # Topics without a part of the page, as text
+        self.picture = b""  # The newest preview, JPEG
+        self.votes: dict[int, float] = {}  # Share by case number, best first
         self.material: MaterialReport | None = None
         self.tracked: Markers = np.zeros(0, MARKER_DTYPE)
         self.predicted: Markers = np.zeros(0, MARKER_DTYPE)
@@ -126,8 +108,9 @@ class ViewState:
         self.corrected: Markers = np.zeros(0, CORRECTED_DTYPE)
         self.cable: NDArray[np.void] = np.zeros(0, CABLE_DTYPE)
         self.lay: LayRecords = np.zeros(0, LAY_DTYPE)
-        self.lay_time = self.advance = self.picture_time = NAN
-        self.times = dict.fromkeys(SOURCES, NAN)
+        self.lay_time = self.picture_time = NAN  # [s]
+        self.advance = NAN  # Of the commanded helix [m/rad]
+        self.times = dict.fromkeys(SOURCES, NAN)  # Newest of each source and sensor [s]
         self.control.clear()
         self.speeds.clear()
         for trace in self.lengths.values():
@@ -195,14 +178,26 @@ class ViewState:
                 return float(radii[0])
         return NAN
 
-    def recording(self, now: float) -> Recording:
-        """Return the recorder's report at wall time now [s]; empty when nothing is recorded.
+    def recording(self, now: float) -> Mapping[str, str]:
+        """Return what the recorder reports at wall time now [s]; empty when nothing is recorded.
 
         A session that failed has ended its nodes, and what a player repeats is of another day.
         """
         silent = self.health.silent_for(RECORDER, now) > SILENCE
         over = self.run_phase is RunPhase.FAILED or bool(self.player)
-        return Recording() if silent or over else recording_of(self.health)
+        return {} if silent or over else self.health.values(RECORDER)
+
+    @property
+    def playback(self) -> dict[str, float] | None:
+        """Position and length of the recording that is played [s], and whether it is paused.
+
+        None where no player reports them.
+        """
+        try:
+            values = self.health.values(PLAYBACK) if self.player else {}
+            return {name: float(values[name]) for name in ("position", "length", "paused")}
+        except (KeyError, ValueError):
+            return None
 
     def heard(self, now: float) -> bool:
         """Return whether anything came lately, at wall time now [s]."""
@@ -212,9 +207,9 @@ class ViewState:
         """Take what nodes say of themselves, received at wall time now [s]."""
         self.health.note(now, statuses)
         self.control.note_statuses(statuses)
-        values = self.health.values(VERDICT)
+        values = self.health.values(_OUTCOME)
         if values != self._forgotten:
-            self._forgotten, self.verdict = {}, RunVerdict.from_values(values)
+            self._forgotten, self.outcome = {}, values
 
     def note_axes(self, t: float, reading: AxisReading) -> None:
         """Take measured motion; time that goes back begins a new run."""
@@ -250,12 +245,13 @@ class ViewState:
         """Take what a topic holds that no part of the page shows."""
         self.others[name] = textwrap.shorten(str(content), _OTHER_LENGTH, placeholder=" ...")
 
-    def behind(self, name: str) -> float:
-        """Return how old a source's newest message is on the machine's clock [s]; nan before any.
+    def old(self, name: str) -> float:
+        """Return how old a source's newest message is on the machine's clock [s]; 0 if present.
 
         The clock of a machine that stands still stands too: what lies is not old.
         """
-        return self.time - self.times.get(name, NAN)
+        behind = self.time - self.times.get(name, NAN)
+        return behind if behind > _OLD else 0.0
 
     def note_lay(self, t: float, lay: LayRecords) -> None:
         """Take the measured lay, records of LAY_DTYPE, of time t [s]."""
@@ -267,25 +263,25 @@ class ViewState:
 
     def tick(self, now: float) -> None:
         """Add one sample to every chart if the machine's clock went on; now is wall time [s]."""
-        if math.isnan(self.time) or self.time <= self.speeds.last_time:
+        if math.isnan(self.time) or (self.speeds and self.time <= self.speeds[-1][0]):
             self.clock_stands = now - self.last_data > _STANDS
             return
         self.last_data, self.clock_stands = now, False
         axes, wanted = self.axes, self.setpoints
         if wanted is not None and abs(wanted.angular_speed) > STANDING:
             self.advance = wanted.feed_speed / wanted.angular_speed
-        self.speeds.append(
-            self.time,
-            axes.angular_speed if axes else NAN,
-            wanted.angular_speed if wanted else NAN,
-            axes.feed_speed if axes else NAN,
-            wanted.feed_speed if wanted else NAN,
-            self.measured[CABLE_TENSION],
-        )
+        sample = {
+            "speed": axes.angular_speed if axes else NAN,
+            "speed_set": wanted.angular_speed if wanted else NAN,
+            "feed": axes.feed_speed if axes else NAN,
+            "feed_set": wanted.feed_speed if wanted else NAN,
+            "tension": self.measured[CABLE_TENSION],
+        }
+        self.speeds.append((self.time, sample))
         for row in self.marker_rows():
-            lengths = (row.predicted, row.corrected, row.low, row.high, row.measured)
-            if any(map(math.isfinite, lengths)):
-                self.lengths[row.id].append(self.time, *lengths)
+            lengths = {name: getattr(row, name) for name in LENGTHS}
+            if any(map(math.isfinite, lengths.values())):
+                self.lengths[row.id].append((self.time, lengths))
 
     def marker_rows(self) -> list[MarkerRow]:
         """Return the table of markers."""
@@ -303,9 +299,9 @@ class ViewState:
     @property
     def drum_angle(self) -> float:
         """Theta [rad] at the time of the predicted cable; nan before any motion."""
-        return (
-            self.axes.cylinder_angle + self.turned(self.time, self._instant) if self.axes else NAN
-        )
+        if self.axes is None:
+            return NAN
+        return self.axes.cylinder_angle + self.turned(self.time, self._instant)
 
     @property
     def marker_turn(self) -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hmac
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 from starlette.datastructures import MutableHeaders
 from starlette.requests import HTTPConnection
@@ -86,10 +86,10 @@ class Gate:
     def _foreign(self, asked: HTTPConnection) -> str:
         host = asked.headers.get("host", "")
         # With a token a foreign host name gains nothing, and machines have many names.
-        if not self._token and _host_of(f"//{host}") not in self._hosts:
+        if not self._token and _address(f"//{host}").hostname not in self._hosts:
             return "this page is served on loopback alone"
         origin = asked.headers.get("origin")
-        if origin is not None and _place_of(origin) != host:
+        if origin is not None and _address(origin).netloc != host:
             return "requests from other sites are refused"
         return ""
 
@@ -97,17 +97,9 @@ class Gate:
         return hmac.compare_digest(brought.encode(errors="replace"), self._token.encode())
 
 
-def _host_of(address: str) -> str | None:
-    """Return the host of an address; None where it is none."""
+def _address(text: str) -> SplitResult:
+    """Return the parts of an address, all empty where it is none."""
     try:
-        return urlsplit(address).hostname
+        return urlsplit(text)
     except ValueError:
-        return None
-
-
-def _place_of(origin: str) -> str | None:
-    """Return host and port of an origin; None where it is none."""
-    try:
-        return urlsplit(origin).netloc
-    except ValueError:
-        return None
+        return urlsplit("")

@@ -9,19 +9,14 @@ connection is the last to be closed.
 from __future__ import annotations
 
 import asyncio
-import re
 import socket
 from dataclasses import dataclass
-from typing import Any
+
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from winding_dashboard.page.commands import EMERGENCY_STOP
 
-# A header may end in bare line feeds (RFC 9112, 2.2).
-_END = re.compile(rb"\r?\n\r?\n")
-_LENGTH = re.compile(rb"\ncontent-length:[ \t]*(\d{1,15})[ \t]*\r?(?:\n|$)", re.IGNORECASE)
-_URGENT = re.compile(rb"POST +/command/" + EMERGENCY_STOP.encode() + rb"[ ?]")
-# The HTTP parser refuses longer ones [bytes].
-_LONGEST_HEADER = 65_536
+_URGENT = f"/command/{EMERGENCY_STOP}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,142 +29,109 @@ class Bounds:
     unread: float = 20.0  # After which an answer that is not taken is given up [s]
 
 
+@dataclass(eq=False)
+class _Held:
+    transport: asyncio.Transport
+    since: float  # When its state began, in the loop's time [s]
+    answering: bool = False  # Whether a whole request has arrived that is not answered yet
+    urgent: bool = False  # Whether that is an emergency stop
+    deadline: asyncio.TimerHandle | None = None  # Of the request that is waited for
+
+
 class Connections:
-    """The open connections of a server, those first that came first.
+    """ASGI middleware that knows the server's open connections by host and port of their peers.
 
     Args:
-        bounds: Of them.
+        app: What is behind it.
+        bounds: Of the connections.
     """
 
-    def __init__(self, bounds: Bounds) -> None:
-        self.bounds = bounds
-        self._open: dict[Connection, str] = {}
+    def __init__(self, app: ASGIApp, bounds: Bounds) -> None:
+        self._app, self.bounds = app, bounds
+        self._open: dict[tuple[str, int], _Held] = {}
 
     def __len__(self) -> int:
         """Return how many are open."""
         return len(self._open)
 
-    def admit(self, newcomer: Connection, peer: str) -> None:
+    def admit(self, transport: asyncio.Transport) -> None:
         """Take a connection in; of too many, close the one that is waited for longest."""
-        self._open[newcomer] = peer
-        of_peer = [other for other, address in self._open.items() if address == peer]
+        own = transport.get_extra_info("socket")
+        if own is not None and hasattr(socket, "TCP_USER_TIMEOUT"):
+            unread = round(1000.0 * self.bounds.unread)
+            own.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unread)
+        newcomer = _Held(transport, since=0.0)
+        self._open[_peer(transport)] = newcomer
+        self._wait(newcomer)
+        host = _peer(transport)[0]
+        of_peer = [held for peer, held in self._open.items() if peer[0] == host]
         if len(of_peer) > self.bounds.per_peer:
             self._close_one(of_peer, newcomer)
         if len(self._open) > self.bounds.total:
-            self._close_one(list(self._open), newcomer)
+            self._close_one(list(self._open.values()), newcomer)
 
-    def release(self, connection: Connection) -> None:
-        """Forget a connection."""
-        self._open.pop(connection, None)
+    def release(self, transport: asyncio.Transport) -> None:
+        """Forget a connection that is closed."""
+        held = self._open.get(_peer(transport))
+        if held is not None and held.transport is transport:
+            del self._open[_peer(transport)]
+            self._arrived(held)
 
-    def _close_one(self, crowd: list[Connection], newcomer: Connection) -> None:
-        # Half a request before one that is being answered, an emergency stop last, and the oldest.
-        min(
-            (item for item in crowd if item is not newcomer),
-            key=lambda item: (item.urgent, item.answering, item.since),
-            default=newcomer,
-        ).abort()
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Note when a connection's request has arrived whole, and when it is answered."""
+        held = self._open.get(tuple(scope.get("client") or ()))
+        if scope["type"] != "http" or held is None:
+            await self._app(scope, receive, send)
+            return
 
+        async def arriving() -> Message:
+            message = await receive()
+            if not message.get("more_body"):
+                self._arrived(held)
+            return message
 
-class Connection(asyncio.Protocol):
-    """One connection: bytes go to the HTTP protocol behind it, and requests are waited for.
+        held.urgent = scope["path"] == _URGENT
+        # The others have no body that anything here waits for.
+        if scope["method"] != "POST":
+            self._arrived(held)
+        try:
+            await self._app(scope, arriving, send)
+        finally:
+            if self._open.get(_peer(held.transport)) is held:
+                self._wait(held)
 
-    Args:
-        behind: Speaks HTTP.
-        connections: Among which it is.
-
-    Attributes:
-        answering: Whether a whole request has arrived and nothing of a next one.
-        urgent: Whether its newest request is an emergency stop.
-        since: When that state began, in the loop's time [s].
-    """
-
-    def __init__(self, behind: Any, connections: Connections) -> None:
-        self._behind, self._connections = behind, connections
-        self._loop = asyncio.get_running_loop()
-        self._transport: asyncio.Transport | None = None
-        self._header = bytearray()
-        self._missing = 0
-        self._deadline: asyncio.TimerHandle | None = None
-        self.answering = self.urgent = False
-        self.since = self._loop.time()
-
-    def connection_made(self, transport: Any) -> None:
-        """Begin to wait for a request."""
-        self._transport = transport
-        own = transport.get_extra_info("socket")
-        if own is not None and hasattr(socket, "TCP_USER_TIMEOUT"):
-            unread = round(1000.0 * self._connections.bounds.unread)
-            own.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, unread)
-        peer = transport.get_extra_info("peername") or ("",)
-        self._wait()
-        self._connections.admit(self, str(peer[0]))
-        self._behind.connection_made(transport)
-
-    def data_received(self, data: bytes) -> None:
-        """Hand bytes on, and note where requests begin and end in them."""
-        self._note(memoryview(data))
-        self._behind.data_received(data)
-
-    def eof_received(self) -> bool | None:
-        """Hand the end of the stream on."""
-        return bool(self._behind.eof_received())
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Make room."""
-        self._answer()
-        self._connections.release(self)
-        self._behind.connection_lost(exc)
-
-    def pause_writing(self) -> None:
-        """Hand on that the other side reads slowly."""
-        self._behind.pause_writing()
-
-    def resume_writing(self) -> None:
-        """Hand on that it has caught up."""
-        self._behind.resume_writing()
-
-    def abort(self) -> None:
-        """Close it now, whatever is unsent."""
-        self._connections.release(self)
-        if self._transport is not None:
-            self._transport.abort()
-
-    def _note(self, data: memoryview) -> None:
-        while data:
-            if self.answering:
-                self._wait()
-            if self._missing:
-                taken = min(self._missing, len(data))
-                self._missing -= taken
-                data = data[taken:]
-                if not self._missing:
-                    self._answer()
-                continue
-            seen = max(0, len(self._header) - 3)
-            self._header += data
-            end = _END.search(self._header, seen)
-            if end is None:
-                del self._header[_LONGEST_HEADER:]
-                return
-            data = data[len(data) - (len(self._header) - end.end()) :]
-            del self._header[end.start() :]
-            length = _LENGTH.search(self._header)
-            self._missing = 0 if length is None else int(length[1])
-            self.urgent = _URGENT.match(self._header) is not None
-            self._header.clear()
-            if not self._missing:
-                self._answer()
-
-    def _wait(self) -> None:
+    def _wait(self, held: _Held) -> None:
         """Wait for a request, not for ever."""
-        self.answering = self.urgent = False
-        self.since = self._loop.time()
-        self._deadline = self._loop.call_later(self._connections.bounds.arrival, self.abort)
+        self._arrived(held)
+        held.answering = held.urgent = False
+        held.deadline = asyncio.get_running_loop().call_later(
+            self.bounds.arrival, self._give_up, held
+        )
 
-    def _answer(self) -> None:
-        """A whole request has arrived: it is answered however long that takes."""
-        self.answering = True
-        self.since = self._loop.time()
-        if self._deadline is not None:
-            self._deadline.cancel()
+    def _arrived(self, held: _Held) -> None:
+        """Let the answer take as long as it takes."""
+        held.answering, held.since = True, asyncio.get_running_loop().time()
+        if held.deadline is not None:
+            held.deadline.cancel()
+
+    def _give_up(self, held: _Held) -> None:
+        # The answer before may still be on its way.
+        if held.transport.get_write_buffer_size():
+            self._wait(held)
+        else:
+            self._close_one([held], held)
+
+    def _close_one(self, crowd: list[_Held], newcomer: _Held) -> None:
+        # Half a request before one that is being answered, an emergency stop last, and the oldest.
+        worst = min(
+            (held for held in crowd if held is not newcomer),
+            key=lambda held: (held.urgent, held.answering, held.since),
+            default=newcomer,
+        )
+        self.release(worst.transport)
+        worst.transport.abort()
+
+
+def _peer(transport: asyncio.Transport) -> tuple[str, int]:
+    host, port, *_ = transport.get_extra_info("peername") or ("", 0)
+    return str(host), int(port)

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import resource
 import socket
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 import uvicorn
 from starlette.types import ASGIApp
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from winding_dashboard.web.connections import Bounds, Connection, Connections
+from winding_dashboard.web.connections import Bounds, Connections
 
 # Connections that the system holds ready, and how many of them are taken in one turn: each takes a
 # file descriptor before another one can be closed for it.
@@ -21,6 +22,8 @@ _SPARE = 32
 _FEWEST = 16
 # Browsers that hold a connection must not hold up the end [s].
 _LAST_ANSWERS = 1
+# A connection without a further request is closed before it counts as half of one [s].
+_IDLE = 4
 
 
 def listen(app: ASGIApp, host: str, port: int) -> None:
@@ -34,26 +37,31 @@ def listen(app: ASGIApp, host: str, port: int) -> None:
     Raises:
         SystemExit: The port is taken; the reason has been printed.
     """
+    connections = Connections(app, bounds_here())
+
+    class Protocol(H11Protocol):
+        def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+            super().connection_made(transport)
+            connections.admit(transport)
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            connections.release(self.transport)
+            super().connection_lost(exc)
+
     config = uvicorn.Config(
-        app,
+        connections,
         host=host,
         port=port,
         log_level="error",
         access_log=False,
-        http="h11",
+        http=Protocol,
         ws="none",
         proxy_headers=False,
         server_header=False,
         backlog=_AT_ONCE,
+        timeout_keep_alive=_IDLE,
         timeout_graceful_shutdown=_LAST_ANSWERS,
     )
-    config.load()
-    speaks_http, connections = config.http_protocol_class, Connections(bounds_here())
-
-    def connection(**given: Any) -> Connection:
-        return Connection(speaks_http(**given), connections)
-
-    config.http_protocol_class = connection  # type: ignore[assignment]
     with suppress(KeyboardInterrupt):
         _Server(config).run(sockets=[config.bind_socket()])
 

@@ -23,13 +23,10 @@ from starlette.responses import (
 )
 from starlette.routing import Route
 
-from winding_core.lay.records import ControlMode
 from winding_dashboard.drawings.cylinder_view import Sight
-from winding_dashboard.page import commands
-from winding_dashboard.page.run_list import RunList
-from winding_dashboard.page.session import TITLES, OperatorSession
+from winding_dashboard.page.commands import STOPS, TITLES
+from winding_dashboard.page.session import OperatorSession
 from winding_dashboard.page.snapshot import Snapshots, Wanted
-from winding_dashboard.page.templates import Templates, page_content
 from winding_dashboard.state.marker_rows import MOST_MARKERS
 from winding_dashboard.web.access import OF_REPORTS, Gate
 
@@ -41,47 +38,32 @@ _LARGEST_REQUEST = 100_000
 # Digits of a whole number that counts snapshots or picks a case.
 _LONGEST_NUMBER = 15
 _STEEPEST = 80.0
-# Whatever the page believes, these are carried out.
-_ALWAYS = (commands.STOP, commands.EMERGENCY_STOP)
 
 Lifespan = Callable[[Starlette], AbstractAsyncContextManager[None]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Served:
-    """What the server needs."""
-
-    session: OperatorSession  # Does what operators ask for
-    snapshots: Snapshots  # What is shown
-    runs: RunList  # Whose reports are served
-    templates: Templates  # Of the page
-
-
 def application(
-    served: Served, *, token: str, host: str, lifespan: Lifespan | None = None
+    snapshots: Snapshots, page: str, *, token: str, host: str, lifespan: Lifespan | None = None
 ) -> Starlette:
     """Return the ASGI application.
 
     Args:
-        served: What is behind it.
+        snapshots: What is shown, of the session that does what operators ask for.
+        page: HTML of the page without any value of the run.
         token: Secret that a browser must bring; empty for none.
         host: Address that is served.
         lifespan: What goes on while it serves.
     """
-    pages = _Pages(served)
+    pages = _Pages(snapshots, page)
     return Starlette(
         routes=[
             Route("/", pages.page),
             Route("/page.css", pages.style),
             Route("/page.js", pages.script),
             Route("/snapshot", pages.snapshot),
-            Route("/command/{name}", pages.command, methods=["POST"]),
-            Route("/mode/{name}", pages.mode, methods=["POST"]),
-            Route("/prepare", pages.prepare, methods=["POST"]),
-            Route("/record", pages.record, methods=["POST"]),
-            Route("/limits", pages.limits, methods=["POST"]),
+            *(Route(f"/{name}", pages.act, methods=["POST"]) for name in pages.actions),
             Route("/runs/{path:path}", pages.report),
-            Route("/{path:path}", pages.nothing),
+            Route("/{path:path}", pages.nothing, methods=["GET", "POST"]),
         ],
         middleware=[
             Middleware(Gate, token=token, host=host),
@@ -91,11 +73,46 @@ def application(
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class _Action:
+    """What a browser can ask for."""
+
+    what: str  # Its name in an answer
+    do: Callable[[Mapping[str, Any]], Awaitable[str]]  # Takes what the request brings
+    always: bool = False  # Whether it is done whatever was seen
+
+
+def _actions(session: OperatorSession) -> dict[str, _Action]:
+    """Return every action by its path."""
+
+    def command(name: str) -> _Action:
+        return _Action(what=TITLES[name], do=lambda _: session.command(name), always=name in STOPS)
+
+    def recipe(do: Callable[[Mapping[str, Any]], Awaitable[str]]) -> _Action:
+        return _Action(what="recipe", do=do, always=True)
+
+    return {f"command/{name}": command(name) for name in TITLES} | {
+        "prepare": _Action(what="prepare", do=lambda body: session.prepare(_object(body, "form"))),
+        "record": _Action(
+            what="recording", do=lambda body: session.record(on=bool(body.get("on")))
+        ),
+        "limits": _Action(
+            what="limits",
+            do=lambda body: session.set_limits(_object(body, "limits")),
+            always=True,
+        ),
+        "playback": _Action(what="playback", do=session.play, always=True),
+        "recipe/save": recipe(
+            lambda body: session.save_recipe(str(body.get("name")), _object(body, "form"))
+        ),
+        "recipe/load": recipe(lambda body: session.load_recipe(str(body.get("name")))),
+    }
+
+
 class _Pages:
-    def __init__(self, served: Served) -> None:
-        self._session, self._snapshots = served.session, served.snapshots
-        self._runs = served.runs
-        self._page = served.templates.page(page_content())
+    def __init__(self, snapshots: Snapshots, page: str) -> None:
+        self._session, self._snapshots, self._page = snapshots.session, snapshots, page
+        self.actions = _actions(snapshots.session)
 
     async def page(self, _: Request) -> Response:
         return HTMLResponse(self._page, headers={"Cache-Control": "no-store"})
@@ -122,7 +139,7 @@ class _Pages:
     async def report(self, request: Request) -> Response:
         path = str(request.path_params["path"])
         try:
-            file = self._runs.file(path)
+            file = self._snapshots.runs.file(path)
             found = None if file is None else file.stat()
         except (OSError, ValueError):
             # No file system takes such a name, or the file has just gone.
@@ -131,70 +148,23 @@ class _Pages:
             return PlainTextResponse(f"there is no report {path}", 404)
         return FileResponse(file, stat_result=found, headers=OF_REPORTS)
 
-    async def command(self, request: Request) -> Response:
-        name = str(request.path_params["name"])
-        if name not in TITLES:
-            return PlainTextResponse(f"there is no command {name}", 404)
-        return await self._answered(
-            request,
-            TITLES[name].lower(),
-            lambda _: self._session.command(name),
-            always=name in _ALWAYS,
-        )
-
-    async def mode(self, request: Request) -> Response:
-        name = str(request.path_params["name"]).upper()
-        if name not in ControlMode.__members__:
-            return PlainTextResponse(f"there is no mode {name.lower()}", 404)
-        mode = ControlMode[name]
-        return await self._answered(request, "lay control", lambda _: self._session.switch(mode))
-
-    async def prepare(self, request: Request) -> Response:
-        async def do(body: Mapping[str, Any]) -> None:
-            form = body.get("form")
-            await self._session.prepare(form if isinstance(form, dict) else {})
-
-        return await self._answered(request, "prepare", do)
-
-    async def record(self, request: Request) -> Response:
-        return await self._answered(
-            request, "recording", lambda body: self._session.record(on=bool(body.get("on")))
-        )
-
-    async def limits(self, request: Request) -> Response:
-        async def do(body: Mapping[str, Any]) -> None:
-            limits = body.get("limits")
-            self._session.set_limits(limits if isinstance(limits, dict) else {})
-
-        return await self._answered(request, "limits", do, always=True)
-
-    async def _answered(
-        self,
-        request: Request,
-        what: str,
-        do: Callable[[Mapping[str, Any]], Awaitable[None]],
-        *,
-        always: bool = False,
-    ) -> Response:
-        """Do what is asked for, unless the request rests on an old snapshot.
-
-        Args:
-            request: With JSON of the snapshot that was seen, and more.
-            what: Name of what is asked for.
-            do: Does it.
-            always: It is done whatever was seen.
-        """
+    async def act(self, request: Request) -> Response:
+        """Do what is asked for, unless the request rests on an old snapshot."""
+        action = self.actions[request.url.path[1:]]
         body = await _json(request)
         if body is None:
             return PlainTextResponse("the request must be a JSON object", 400)
+        self._session.loaded = {}
         age = self._snapshots.age(body.get("server"), body.get("sequence"))
-        if age > SEEN_WITHIN and not always:
+        if age > SEEN_WITHIN and not action.always:
             seen = f"{age:.0f} s old" if math.isfinite(age) else "too old"
-            self._session.refuse(what, f"nothing was done, for the page was {seen}; look again")
+            reason = f"nothing was done, for the page was {seen}; look again"
+            self._session.refuse(action.what, reason)
         else:
-            await do(body)
+            await self._session.ask(action.what, action.do(body))
         self._snapshots.changed()
-        return JSONResponse({"answer": self._session.answer, "refused": self._session.alarm})
+        answer = {"answer": self._session.answer, "refused": self._session.alarm}
+        return JSONResponse({**answer, "form": self._session.loaded})
 
 
 async def _json(request: Request) -> dict[str, Any] | None:
@@ -214,6 +184,11 @@ async def _json(request: Request) -> dict[str, Any] | None:
     except (ValueError, RecursionError, ClientDisconnect):
         return None
     return body if isinstance(body, dict) else None
+
+
+def _object(body: Mapping[str, Any], name: str) -> dict[str, Any]:
+    found = body.get(name)
+    return found if isinstance(found, dict) else {}
 
 
 def _whole_number(text: str) -> int:

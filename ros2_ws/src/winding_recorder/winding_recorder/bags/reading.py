@@ -52,15 +52,23 @@ def opened(path: Path) -> Iterator[AnyReader]:
         reader.close()
 
 
-def messages_of(reader: AnyReader, links: Sequence[Any]) -> Iterator[tuple[Any, int, bytes]]:
+def messages_of(
+    reader: AnyReader, links: Sequence[Any], start: int | None = None, stop: int | None = None
+) -> Iterator[tuple[Any, int, bytes]]:
     """Yield (connection, bag time [ns], bytes) of every message, by bag time.
+
+    Args:
+        reader: Of the recording.
+        links: Connections.
+        start: First bag time [ns]; None for the beginning.
+        stop: Bag time [ns] before which it ends; None for the end.
 
     Raises:
         BagError: The recording is damaged.
     """
     if not links:
         return
-    messages = reader.messages(links)
+    messages = reader.messages(links, start=start, stop=stop)
     while True:
         try:
             link, stamp, data = next(messages)

@@ -5,22 +5,27 @@ from __future__ import annotations
 import importlib
 import threading
 import time
+from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from rcl_interfaces.msg import SetParametersResult
 from rclpy.duration import Duration
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import SetBool, Trigger
 
+from winding_core.status import PLAYBACK, Status
 from winding_recorder.bags.description import BagError, reason
 from winding_recorder.bags.reading import messages_of, opened
+from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.messages.stamps import encode_stamp
-from winding_ros.topics import CLOCK
+from winding_ros.topics import CLOCK, DIAGNOSTICS
 
 _CLOCK_PERIOD = 0.01
 # Pause and end are noticed this often [s].
@@ -30,6 +35,11 @@ _MATCH_PATIENCE = 2.0
 _DISCOVERY = 1.0
 # A page looks at the newest message ten times a second, and later when the computer is busy.
 _LINGER = 0.5
+# What came in this time before a place is published at once when the playback goes there [s]: every
+# topic but the latched ones has said its newest.
+_BEFORE = 1.2
+_REPORT_PERIOD = 0.2
+_NANO = 1e9
 _DEPTH, _DEEPEST = 1000, 100_000
 
 
@@ -82,9 +92,10 @@ class Pacing:
 
 
 class Player:
-    """Publishes the topics of a recording on a node, and /clock beside them.
+    """Publishes the topics of a recording on a node, /clock and its place in /diagnostics.
 
-    Services: ~/set_paused (std_srvs/SetBool) and ~/toggle_paused (std_srvs/Trigger).
+    Services: ~/set_paused (std_srvs/SetBool) and ~/toggle_paused (std_srvs/Trigger). The playback
+    goes where the parameter `position` is set to [s from its beginning].
 
     Args:
         node: Spun by the caller.
@@ -122,11 +133,17 @@ class Player:
         if not force:
             self._refuse_rivals(names)
         self._publishers = {link.topic: self._publisher(link) for link in links}
+        self._span = (0.0, 0.0)
+        self._sought: float | None = None
         self._clock: Publisher | None = None
         if CLOCK.name not in self._publishers:
             self._clock = node.create_publisher(Clock, CLOCK.name, CLOCK.qos)
         node.create_service(SetBool, "~/set_paused", self._on_set_paused)
         node.create_service(Trigger, "~/toggle_paused", self._on_toggle)
+        node.declare_parameter("position", 0.0)
+        node.add_on_set_parameters_callback(self._on_set)
+        self._diagnostics = DIAGNOSTICS.advertise(node)
+        node.create_timer(_REPORT_PERIOD, self._report)
 
     def toggle(self) -> bool:
         """Pause or go on; return whether it is paused now. From any thread."""
@@ -177,19 +194,51 @@ class Player:
             if not any(link.msgcount for link in links):
                 return
             begin = _begin(reader, links)
-            with self._lock:
-                self._pacing.start(begin, time.monotonic())
-            tick = -_CLOCK_PERIOD
-            for link, arrived, data in messages_of(reader, links):
-                due = max(arrived * 1e-9, begin)
-                while self._clock is not None and tick + _CLOCK_PERIOD < due:
-                    tick = max(tick + _CLOCK_PERIOD, begin)
-                    if not self._until(tick, stopped):
-                        return
-                    self._clock.publish(Clock(clock=encode_stamp(tick)))
-                if not self._until(due, stopped):
-                    return
+            place: float | None = begin
+            while place is not None and not stopped():
+                with self._lock:
+                    self._span = (begin, max(begin, reader.end_time / _NANO))
+                    self._sought = None
+                    self._pacing.start(place, time.monotonic())
+                self._play_from(reader, links, place, None if place == begin else place, stopped)
+                place = self._sought
+
+    def _play_from(
+        self,
+        reader: AnyReader,
+        links: Sequence[Any],
+        begin: float,
+        sought: float | None,
+        stopped: Callable[[], bool],
+    ) -> None:
+        """Publish from a bag time [s] until the end, or until another place is asked for.
+
+        Args:
+            reader: Of the recording.
+            links: What is published.
+            begin: Bag time [s].
+            sought: The same where others went before it, so that latched topics are published anew.
+            stopped: Whether to end early.
+        """
+        start = None if sought is None else round((sought - _BEFORE) * _NANO)
+        for link in links if start is not None else ():
+            if _offered(link).durability is DurabilityPolicy.TRANSIENT_LOCAL:
+                for _, _, data in deque(messages_of(reader, [link], stop=start), maxlen=1):
+                    self._publish(link, data)
+        tick = -_CLOCK_PERIOD
+        for link, arrived, data in messages_of(reader, links, start=start):
+            due = max(arrived / _NANO, begin)
+            if due == sought:
                 self._publish(link, data)
+                continue
+            while self._clock is not None and tick + _CLOCK_PERIOD < due:
+                tick = max(tick + _CLOCK_PERIOD, begin)
+                if not self._until(tick, stopped):
+                    return
+                self._clock.publish(Clock(clock=encode_stamp(tick)))
+            if not self._until(due, stopped):
+                return
+            self._publish(link, data)
 
     def _publish(self, link: Any, data: bytes) -> None:
         try:
@@ -200,9 +249,11 @@ class Player:
         self.published += 1
 
     def _until(self, due: float, stopped: Callable[[], bool]) -> bool:
-        """Wait for a bag time [s]; return False when the playback was stopped before."""
+        """Wait for a bag time [s]; return False when the playback was stopped or goes elsewhere."""
         while not stopped():
             with self._lock:
+                if self._sought is not None:
+                    return False
                 now = time.monotonic()
                 wait = self._pacing.wait(due, now)
                 if wait == 0.0:
@@ -233,6 +284,31 @@ class Player:
                 "--topics"
             ) from error
         return self._node.create_publisher(message, link.topic, _offered(link))
+
+    def _report(self) -> None:
+        with self._lock:
+            begin, end = self._span
+            if end == 0.0:
+                return
+            place = min(self._pacing.bag_time(time.monotonic()), end)
+            values = {"position": place - begin, "length": end - begin}
+            values["paused"] = float(self._pacing.paused)
+        status = Status(
+            name=PLAYBACK, values={name: f"{value:.3f}" for name, value in values.items()}
+        )
+        self._diagnostics.publish(encode_diagnostics(place, [status]))
+
+    def _on_set(self, parameters: Sequence[Parameter]) -> SetParametersResult:
+        for wanted in (item for item in parameters if item.name == "position"):
+            with self._lock:
+                begin, end = self._span
+                if not 0.0 <= wanted.value <= end - begin:
+                    limits = f"from 0 to {end - begin:.1f} s, got {wanted.value:g}"
+                    return SetParametersResult(
+                        successful=False, reason=f"position must be {limits}"
+                    )
+                self._sought = begin + wanted.value
+        return SetParametersResult(successful=True)
 
     def _on_set_paused(self, request: Any, response: Any) -> Any:
         with self._lock:

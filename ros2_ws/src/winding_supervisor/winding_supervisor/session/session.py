@@ -228,6 +228,8 @@ class Session:
             run.wound = dict(conduct.wound)
         run.ending = self._who.log.ending(self._who.rest.motion)
         run.folders = tuple(recorder.bags.folders[self._bags :])
+        if cut is not None and run.folders and not _has_begun(run.folders[-1]):
+            run.folders = run.folders[:-1]
         self._bags += len(run.folders)
         self._who.log.begin_run()
         self._undelivered.append(run)
@@ -289,3 +291,8 @@ class Session:
         values = {"verdict": outcome.verdict.value, "sentences": "\n".join(outcome.sentences)}
         level = _LEVELS.get(outcome.verdict, Level.OK)
         client.tell(t, level, OUTCOME_COMPONENT, outcome.headline, values)
+
+
+def _has_begun(bag: Path) -> bool:
+    """Return whether a bag is of the run before, not one that has been made for the next."""
+    return not bag.exists() or any(bag.glob("*.mcap"))

@@ -1,13 +1,24 @@
-"""Numbers as the page writes them."""
+"""One thing that is read at a glance, and numbers as the page writes them."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from winding_core.units import MILLIMETRE
 
 DASH = "–"
 PER_METRE = 1.0 / MILLIMETRE
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cell:
+    """A part of the band, a figure, or the outcome of a run."""
+
+    name: str = ""  # What it is, with its unit
+    word: str  # In large letters
+    remark: str  # Beneath it
+    style: str = ""  # CSS class; empty for none
 
 
 def number(value: float, digits: int, scale: float = 1.0, sign: bool = False) -> str:
@@ -17,6 +28,11 @@ def number(value: float, digits: int, scale: float = 1.0, sign: bool = False) ->
     # Minus zero is noise.
     rounded = round(scale * value, digits) + 0.0
     return f"{rounded:+.{digits}f}" if sign else f"{rounded:.{digits}f}"
+
+
+def millimetres(value: float, digits: int, sign: bool = False) -> str:
+    """Return a length [m] in millimetres; a dash for nan."""
+    return number(value, digits, PER_METRE, sign)
 
 
 def seconds(value: float) -> str:
