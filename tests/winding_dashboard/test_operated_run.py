@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Iterator
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -205,8 +206,11 @@ def test_ctrl_c_ends_the_session_and_every_run_has_its_report(
         (5, "the operator ended the session"),
     ]
     assert len({record["identity"]["run_id"] for record in records}) == len(records)
-    for folder in folders:
+    for folder, record in zip(folders, records, strict=True):
         assert (folder / "report" / "index.html").is_file()
+        # Dates are whole seconds: that of the run's beginning, not of its delivery.
+        began = datetime.fromisoformat(record["identity"]["date"]).timestamp()
+        assert (folder / "run.json").stat().st_mtime - began >= record["wall_s"]
     bags = [run.folder / name for name in ("bag", "bag-2", "bag-3", "bag-4")]
     assert [line for line in output.splitlines() if line.startswith("bag: ")] == [
         f"bag: {bag}" for bag in bags

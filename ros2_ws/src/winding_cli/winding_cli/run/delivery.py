@@ -54,12 +54,12 @@ class RunDelivery:
 
     Args:
         config: Of the command.
-        origin: Of the first run.
+        origin: Of a run that begins with the command.
     """
 
     def __init__(self, config: RunConfig, origin: Origin) -> None:
         self._config, self._spec = config, config.spec
-        self._origin: Origin | None = origin
+        self._origin = origin
         self._operated = config.page is not None
         self._directory = config.directory
         self._count = 0
@@ -96,6 +96,7 @@ class RunDelivery:
     def _deliver(self, condition: Condition, result: RunResult) -> RunOutcome:
         from winding_cli.run.outcome import asked_extent
         from winding_cli.run.record import run_record
+        from winding_cli.terminal.origin import origin_here
 
         spec, machine = self._spec, self._config.machine
         self._count += 1
@@ -113,7 +114,7 @@ class RunDelivery:
             result.limits or spec.limits,
             asked=asked,
             parameters=parameters,
-            origin=self._own_origin(),
+            origin=origin_here(result.began) if self._operated else self._origin,
         )
         show(record)
         try:
@@ -141,12 +142,6 @@ class RunDelivery:
         sentence = f"what run {self._count} left could not be written: {error}; numbers: {place}"
         complain(sentence)
         self._flaws.append(sentence)
-
-    def _own_origin(self) -> Origin:
-        from winding_cli.terminal.origin import origin_here
-
-        origin, self._origin = self._origin, None
-        return origin or origin_here()
 
     def _folder(self) -> Path:
         """Return the folder of the present run: the first has the command's own."""

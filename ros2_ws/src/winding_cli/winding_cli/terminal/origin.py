@@ -15,9 +15,9 @@ _DISTRIBUTIONS = {"rclpy": ("ros-jazzy-rclpy", "rclpy")}
 _PROJECT = ("cable-winding-twin", "winding_cli")
 
 
-def origin_here() -> Origin:
-    """Return the origin of what this process makes from now on."""
-    began = datetime.now(UTC)
+def origin_here(began: datetime | None = None) -> Origin:
+    """Return the origin of what this process makes, from a moment on; from now on without one."""
+    began = began or datetime.now(UTC)
     return Origin(
         run_id=f"{began:%Y%m%dT%H%M%SZ}-{secrets.token_hex(4)}",
         began=began,

@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -36,6 +37,7 @@ class RunResult:
     buffer: RunBuffer  # Every message but the pictures
     wall_s: float  # How long the run took [s]
     ending: Ending  # Who or what ended it
+    began: datetime | None = None  # UTC; None for one that is read from its recording
     losses: tuple[str, ...] = ()  # What of its files is missing, a sentence each
     # Parameters of the machine in a run that an operator conducted; empty when none was begun
     wound: Mapping[str, object] = field(default_factory=dict)
@@ -267,6 +269,7 @@ class Session:
         return RunResult(
             buffer=run.buffer,
             wall_s=run.wall_s,
+            began=datetime.now(UTC) - timedelta(seconds=time.monotonic() - run.since),
             ending=run.ending,
             losses=self._losses(run),
             wound=run.wound or dict(self._conduct.wound),
