@@ -111,6 +111,8 @@ class RigConduct(Conduct):
         """Return at once: the operator resets the machine, or prepares another condition."""
         if self.anew is not None:
             self._recorder.buffer.begin_anew(*self.anew)
+            # It may wind already.
+            self._phase = None
         self._under_way, self._end, self._stop, self.anew = False, None, None, None
 
     def look(self) -> bool:
@@ -120,6 +122,9 @@ class RigConduct(Conduct):
             return True
         status = self._who.client.status(topics.RIG) or Status(name=topics.RIG)
         phase = status.values.get("phase")
+        if phase == _WINDING and not self._heard_until(float(status.values["time"])):
+            # The encoders tell first whether it is another run that is wound.
+            return False
         if phase == _EMERGENCY and "stood_at" in status.values and self._end is None:
             self._end = float(status.values["stood_at"])
         if phase != self._phase:
@@ -129,6 +134,10 @@ class RigConduct(Conduct):
             if phase is not None and (phase in (_WINDING, _IDLE) or not known):
                 self._read(wound=phase == _WINDING)
         return False
+
+    def _heard_until(self, t: float) -> bool:
+        """Return whether the encoder has come as far as a time of the machine [s]."""
+        return self._recorder.buffer.last_stamp(topics.JOINT_STATES) > t - 1e-3
 
     def _enter(self, phase: str | None, status: Status) -> None:
         if phase == _WINDING:
