@@ -80,6 +80,20 @@ def test_frames_do_not_wait_for_a_dead_encoder_forever():
     assert [pair.t for pair in pairing.ready()] == pytest.approx([0.0, 0.05, 0.1])
 
 
+def test_a_reading_that_was_lost_and_sent_again_is_waited_for():
+    pairing = Synchroniser()
+    pairing.add_reading(0.0, reading(0.0))
+    # What was lost comes 0.1 s later, and some time on its way.
+    for frame in range(1, 32):
+        pairing.add_frame(0.005 * frame, FRAME)
+    assert list(pairing.ready()) == []
+    for sample in range(1, 161):
+        pairing.add_reading(1e-3 * sample, reading(1e-3 * sample))
+    pairs = list(pairing.ready())
+    assert [pair.cylinder_angle for pair in pairs] == pytest.approx([pair.t for pair in pairs])
+    assert len(pairs) == 31
+
+
 def test_stale_reading_is_left_out():
     pairing = Synchroniser()
     pairing.add_reading(1.0, reading(1.0))

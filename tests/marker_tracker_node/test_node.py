@@ -126,10 +126,10 @@ def test_frames_that_overtake_the_first_calibration_are_measured(bench: Bench) -
 
 def test_silent_encoder_is_reported_and_frames_still_answered(bench: Bench) -> None:
     bench.calibrate()
-    for index in range(FRAMES):
+    for index in range(2 * FRAMES):
         bench.image.publish(encode_image(index * PERIOD, bench.frame(index * PERIOD)))
-    # Frames older than the synchroniser's patience of 0.1 s go without the encoder.
-    bench.ros.spin_until(lambda: len(bench.markers) >= FRAMES - 21)
+    # Frames older than the synchroniser's patience of 0.2 s go without the encoder.
+    bench.ros.spin_until(lambda: len(bench.markers) >= 2 * FRAMES - 41)
     assert "the encoder is silent" in bench.node.status().message
 
 

@@ -17,6 +17,8 @@ from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers
 
+# What DDS has lost on the way it sends again after 0.1 s; simulated time waits after 0.25 s.
+_PATIENCE = 0.2
 # An encoder that has spoken so often since a frame came is not silent.
 _PROOF_READINGS = 3
 _NUMBERS = ("x", "y", "z", "theta", "s", "sigma_theta", "sigma_z")
@@ -50,7 +52,7 @@ class Synchroniser:
         self,
         history: EncoderHistory | None = None,
         *,
-        patience: float = 0.1,
+        patience: float = _PATIENCE,
         longest_lead: float = 0.5,
     ) -> None:
         """Start without frames.
