@@ -12,7 +12,6 @@ from typing import Any
 
 from winding_core.compile_progress import COMPILING
 from winding_core.parameters import declarations
-from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.client.lifecycle import (
     ACTIVATE,
@@ -203,11 +202,6 @@ class Orchestrator:
     @property
     def _names(self) -> tuple[str, ...]:
         return tuple(process.spec.name for process in self.processes)
-
-    async def begin_anew(self) -> None:
-        """Let every node but the rig begin a new run: what it knew of the last one is gone."""
-        names = (spec.name for spec in self.config.graph if spec.name != topics.RIG)
-        await self._while_alive(self._transitions.renew(names))
 
     async def first_death(self, among: Sequence[Member] = ()) -> Member:
         """Wait until a process ends, of some or of all; return it."""
