@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import collections
-import contextlib
 import os
 import signal
 import sys
@@ -116,19 +115,16 @@ class NodeProcess:
 
     async def kill(self) -> int:
         """End the process at once, whatever state it is in; return its exit code."""
-        assert self._process is not None
-        if self._process.returncode is None:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-        code = await self._process.wait()
-        if self._reader is not None:
-            await self._reader
-        return code
+        return await self.stop(_ESCALATION[-1:])
 
-    async def stop(self) -> int:
-        """End the process, ever more firmly; return its exit code."""
+    async def stop(self, signals: Sequence[tuple[signal.Signals, float]] = _ESCALATION) -> int:
+        """End the process, ever more firmly; return its exit code.
+
+        Args:
+            signals: Each with how long it is waited for before the next one is sent [s].
+        """
         assert self._process is not None
-        for number, patience in _ESCALATION:
+        for number, patience in signals:
             if self._process.returncode is not None:
                 break
             try:
