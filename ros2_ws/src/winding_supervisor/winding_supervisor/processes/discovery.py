@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
-from winding_ros.graph import NodeSpec, expected_subscribers
+from winding_ros.graph import GraphError, NodeSpec, expected_subscribers
 from winding_ros.message_guard import UNKNOWN_NODE, Rivals
 from winding_ros.runtime.endpoints import contestants
 from winding_ros.runtime.heartbeat import heartbeat_topic
@@ -51,14 +51,14 @@ class Discovery:
             down: Returns which nodes are down now; they are not waited for.
 
         Raises:
-            TimeoutError: Who is missing, as a sentence.
+            GraphError: Who is missing, as a sentence.
         """
         begin = time.monotonic()
         while missing := self.missing(
             external=time.monotonic() - begin < _EXTERNAL_PATIENCE, down=down()
         ):
             if time.monotonic() - begin > PATIENCE:
-                raise TimeoutError(
+                raise GraphError(
                     f"not every subscriber found its publisher in {PATIENCE:g} s: {missing[0]}"
                 )
             await asyncio.sleep(_POLL)

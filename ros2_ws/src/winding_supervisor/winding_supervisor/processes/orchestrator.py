@@ -91,7 +91,7 @@ class Orchestrator:
                 self._transitions.change(process.spec.name, ACTIVATE, START_TIMEOUT)
             )
             self._active.add(process.spec.name)
-        await self._while_alive(self._matched())
+        await self._while_alive(self._matching.complete(self.down))
 
     def process(self, name: str) -> Member:
         """Return a node's present process."""
@@ -161,7 +161,7 @@ class Orchestrator:
                 await asyncio.sleep(_POLL)
         # Each process forgets for itself, a little earlier or later than this one.
         await asyncio.sleep(_FORGETTING)
-        await self._matched()
+        await self._matching.complete(self.down)
         return self.down()
 
     def down(self) -> frozenset[str]:
@@ -197,7 +197,7 @@ class Orchestrator:
         fresh = without_replay(self.config.graph)
         values = {name: {**parameters.get(name, {}), **fresh.get(name, {})} for name in self._names}
         await self._while_alive(self._transitions.rebuild(self._names, values, lambda _: None))
-        await self._while_alive(self._matched())
+        await self._while_alive(self._matching.complete(self.down))
 
     @property
     def _names(self) -> tuple[str, ...]:
@@ -272,12 +272,6 @@ class Orchestrator:
 
     async def _configure_all(self) -> None:
         await asyncio.gather(*(configure(self._transitions, process) for process in self.processes))
-
-    async def _matched(self) -> None:
-        try:
-            await self._matching.complete(self.down)
-        except TimeoutError as error:
-            raise GraphError(str(error)) from None
 
     async def _while_alive(
         self, work: Coroutine[Any, Any, Any], among: Sequence[Member] = ()
