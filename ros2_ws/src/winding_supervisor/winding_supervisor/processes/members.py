@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Mapping
 from dataclasses import fields
 
@@ -62,7 +63,10 @@ class AttachedNode:
         return 0
 
     async def stop(self) -> int:
-        """Leave the process alone; a detached node waits for the next run."""
+        """Leave the process alone; a detached node waits for the next run, unconfigured."""
+        # One that has gone is not waited for.
+        with contextlib.suppress(TimeoutError, GraphError):
+            await self.let_go()
         return 0
 
     async def refusal(self, patience: float) -> str:

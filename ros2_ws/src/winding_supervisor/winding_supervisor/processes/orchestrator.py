@@ -220,12 +220,7 @@ class Orchestrator:
             if process.return_code is not None or process.spec.name not in self._active:
                 continue
             await self._transitions.request(process.spec.name, DEACTIVATE, _FAREWELL_PATIENCE)
-            if isinstance(process, AttachedNode):
-                # One that has gone is not waited for.
-                with contextlib.suppress(TimeoutError, GraphError):
-                    await process.let_go()
-            else:
-                await process.stop()
+            await process.stop()
         await asyncio.gather(*(process.stop() for process in self.processes if process.started))
 
     async def kill(self) -> None:
