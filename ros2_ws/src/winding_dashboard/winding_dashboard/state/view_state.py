@@ -43,8 +43,8 @@ _OUTCOME = f"orchestrator: {OUTCOME_COMPONENT}"
 LENGTHS = ("predicted", "corrected", "low", "high", "measured")
 # Times [s] with what was then.
 Trace = deque[tuple[float, Mapping[str, float]]]
-# Attributes with records that nodes publish while the machine's clock runs.
-SOURCES = ("tracked", "predicted", "corrected", "cable")
+# Attributes that nodes publish while the machine's clock runs.
+SOURCES = ("tracked", "predicted", "corrected", "cable", "lay", "picture")
 
 
 class ViewState:
@@ -107,8 +107,7 @@ class ViewState:
         self.ahead: Markers = np.zeros(0, MARKER_DTYPE)
         self.corrected: Markers = np.zeros(0, CORRECTED_DTYPE)
         self.cable: NDArray[np.void] = np.zeros(0, CABLE_DTYPE)
-        self.lay: LayRecords = np.zeros(0, LAY_DTYPE)
-        self.lay_time = self.picture_time = NAN  # [s]
+        self.lay: LayRecords = np.zeros(0, LAY_DTYPE)  # Measured
         self.advance = NAN  # Of the commanded helix [m/rad]
         self.times = dict.fromkeys(SOURCES, NAN)  # Newest of each source and sensor [s]
         self.control.clear()
@@ -226,19 +225,14 @@ class ViewState:
         self.time = t
         self.axes = reading
 
-    def note_picture(self, t: float, jpeg: bytes) -> None:
-        """Take a preview picture."""
-        self.picture_time, self.picture = t, jpeg
-
-    def note_source(self, name: str, t: float, records: NDArray[np.void]) -> None:
-        """Take the newest records of one of SOURCES, of time t [s]."""
+    def note_source(self, name: str, t: float, content: object) -> None:
+        """Take the newest content of an attribute such as one of SOURCES, of time t [s]."""
         self.times[name] = t
-        setattr(self, name, records)
+        setattr(self, name, content)
 
     def note_measured(self, quantity: Quantity, t: float, value: float) -> None:
         """Take a sensor's value at time t [s], in SI units."""
         self.measured[quantity] = value
-        self.times.setdefault(quantity.name, NAN)
         self.times[quantity.name] = t
 
     def note_other(self, name: str, content: object) -> None:
@@ -252,10 +246,6 @@ class ViewState:
         """
         behind = self.time - self.times.get(name, NAN)
         return behind if behind > _OLD else 0.0
-
-    def note_lay(self, t: float, lay: LayRecords) -> None:
-        """Take the measured lay, records of LAY_DTYPE, of time t [s]."""
-        self.lay_time, self.lay = t, lay
 
     def note_votes(self, votes: Mapping[int, float]) -> None:
         """Take the shares of votes by case number."""
