@@ -29,15 +29,8 @@ from winding_ros.services import Service
 Record = TypeVar("Record")
 NODES = tuple(spec.name for spec in GRAPH)
 _CONTROLLED = tuple(spec.name for spec in controlled())
-_COMMANDS = {
-    commands.START: services.START,
-    commands.STOP: services.STOP,
-    commands.RESET: services.RESET,
-    commands.EMERGENCY_STOP: services.EMERGENCY_STOP,
-    "lay_control_off": services.LAY_CONTROL_OFF,
-    "lay_control_watch": services.LAY_CONTROL_WATCH,
-    "lay_control_drive": services.LAY_CONTROL_DRIVE,
-}
+# A command has the name of its service.
+_COMMANDS: dict[str, Service] = {name: getattr(services, name.upper()) for name in commands.TITLES}
 # Nodes that publish a recording: `winding bag play` and `ros2 bag play`.
 _PLAYERS = (PLAYER, "rosbag2_player")
 _ANSWER = 3.0
