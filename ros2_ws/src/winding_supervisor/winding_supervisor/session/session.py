@@ -164,7 +164,9 @@ class Session:
                 task.cancel()
         run.over = time.monotonic()
         if run.begun or not conduct.operated:
-            self._note_end()
+            cause = conduct.over(buffer.time, closed=self.ended.is_set())
+            if cause is not None:
+                who.log.end(cause)
 
     def _show(self, view: View, *, now: bool = False) -> None:
         if not now and time.monotonic() - self._shown < _VIEW_PERIOD:
@@ -176,17 +178,6 @@ class Session:
         if remark and remark != self._remarked:
             self._conduct.remark(remark)
         self._remarked = remark
-
-    def _note_end(self) -> None:
-        """Note why a run is over that supervision has not ended."""
-        t = self._who.recorder.buffer.time
-        cause = self._conduct.early
-        if self.ended.is_set():
-            cause = self._conduct.closed(t)
-        elif self._conduct.end is None:
-            cause = self._conduct.reset(t)
-        if cause is not None:
-            self._who.log.end(cause)
 
     async def _change_over(self) -> None:
         """Bring the machine to rest, let the run be delivered, and wait until another may begin."""
