@@ -22,7 +22,7 @@ from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import GraphError
 from winding_ros.services import Service
-from winding_ros.topic import Topic
+from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.standing_axes import joint_sample, standing_axes
 from winding_supervisor.machines.watch_clock import WatchClock
 
@@ -63,7 +63,7 @@ class ExternalMachineConfig:
     lead: float = 0.0  # Way by which a controlled carriage goes ahead of the cable at first [m]
 
 
-class ExternalMachine:
+class ExternalMachine(Machine):
     """Reads a machine's encoders from the buffer of the run, and calls its driver's services.
 
     Args:
@@ -88,15 +88,11 @@ class ExternalMachine:
         buffer: RunBuffer,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        camera = (topics.CAMERA_INFO,) if config.camera else ()
+        super().__init__(client, buffer, topics.JOINT_STATES, topics.TENSION, *camera)
         self.axes = config.axes
         self.began: float | None = None
-        self.end: float | None = None
-        self.sensors: tuple[Topic, ...] = (topics.JOINT_STATES, topics.TENSION)
-        if config.camera:
-            self.sensors += (topics.CAMERA_INFO,)
         self._config = config
-        self._client = client
-        self._buffer = buffer
         self._clock = clock
         self._reader = AxisReader(self.axes)
         self._reading: tuple[float, AxisReading] | None = None
@@ -105,11 +101,6 @@ class ExternalMachine:
         self._wrong = ""
         self._looks = WatchClock()
         self._heard = 0.0
-
-    @property
-    def t(self) -> float:
-        """Stamp of the newest encoder sample [s]."""
-        return max(self._buffer.last_stamp(topics.JOINT_STATES), 0.0)
 
     @property
     def when(self) -> str:
