@@ -34,6 +34,7 @@ _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
 _CENSUS_PERIOD = 0.25
 _LOAD_PERIOD = 1.0
+# The axes have so long to stand after a stop [s].
 _STAND_TIMEOUT = 3.0
 _STALLS = 2
 
@@ -72,8 +73,6 @@ class Supervisor:
             replays them, by node.
         operated: Whether an operator starts and stops the machine. Then supervision does
             not start it, and ignores what nodes do while it stands.
-        stand_timeout: Wall time in which the axes have to stand after a stop [s].
-        backoff: Makes the count of restarts of one node.
     """
 
     def __init__(
@@ -86,8 +85,6 @@ class Supervisor:
         replay: Mapping[str, Callable[[], dict[str, object]]],
         *,
         operated: bool = False,
-        stand_timeout: float = _STAND_TIMEOUT,
-        backoff: Callable[[], Backoff] = Backoff,
     ) -> None:
         self.log = log
         self._orchestrator = orchestrator
@@ -97,11 +94,10 @@ class Supervisor:
         self._graph = orchestrator.config.graph
         self._replay = replay
         self._operated = operated
-        self._stand_timeout = stand_timeout
         self._findings: asyncio.Queue[Finding] = asyncio.Queue()
         self._healthy: set[str] = set()
         self._misses: Counter[str] = Counter()
-        self._backoff: dict[str, Backoff] = defaultdict(backoff)
+        self._backoff: dict[str, Backoff] = defaultdict(Backoff)
         self._sensors = SensorWatch()
         self._rivals = RivalWatch(client.node, (spec.name for spec in self._graph))
         self._ends: dict[str, asyncio.Task[None]] = {}
@@ -307,10 +303,10 @@ class Supervisor:
             self._note("not stopped", topics.RIG, failure)
             self._end(cause)
         self._note("stopped", topics.RIG, "rig/quick_stop")
-        end = time.monotonic() + self._stand_timeout
+        end = time.monotonic() + _STAND_TIMEOUT
         while not self._machine.standing:
             if time.monotonic() > end:
-                limit = f"{self._stand_timeout:g} s"
+                limit = f"{_STAND_TIMEOUT:g} s"
                 self._note("not stopped", topics.RIG, f"does not stand {limit} after the stop")
                 self._end(cause)
             await asyncio.sleep(0.01)
