@@ -47,30 +47,20 @@ class DashboardConfig:
         return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
+@dataclass(eq=False)
 class DashboardProcess:
     """Starts the page's process, and starts it again when it ends or hangs.
 
     The machine is not stopped for it: the page is not the only stop, and a machine that stops
     whenever a web server does would lose runs for nothing.
-
-    Args:
-        config: What to run.
-        client: The orchestrator's node.
-        log: Where events go.
-        clock: Simulated time [s], for the log.
     """
 
-    def __init__(
-        self,
-        config: DashboardConfig,
-        client: AsyncClient,
-        log: EventLog,
-        clock: Callable[[], float],
-    ) -> None:
-        self._config = config
-        self._client = client
-        self._log = log
-        self._clock = clock
+    config: DashboardConfig  # What to run
+    client: AsyncClient  # The orchestrator's node
+    log: EventLog  # Where events go
+    clock: Callable[[], float]  # Simulated time [s], for the log
+
+    def __post_init__(self) -> None:
         self._backoff = Backoff()
         self._misses = 0
         self._heard = False
@@ -80,12 +70,12 @@ class DashboardProcess:
     @property
     def url(self) -> str:
         """What a browser is given."""
-        return self._config.url
+        return self.config.url
 
     @property
     def limits(self) -> OperatorLimits | None:
         """The limits that its operator set last; None before the page has reported any."""
-        status = self._client.status(f"{PAGE.name}: {COMPONENT}")
+        status = self.client.status(f"{PAGE.name}: {COMPONENT}")
         return None if status is None else OperatorLimits.from_values(status.values)
 
     @property
@@ -100,7 +90,7 @@ class DashboardProcess:
             GraphError: It ended before.
             TimeoutError: It does not answer.
         """
-        self._client.watch(PAGE.name, self._note_sign)
+        self.client.watch(PAGE.name, self._note_sign)
         await self._process.start()
         await self._served()
 
@@ -154,7 +144,7 @@ class DashboardProcess:
             await self._process.kill()
 
     def _new(self) -> NodeProcess:
-        config = self._config
+        config = self.config
         set_on_page = {} if self.limits is None else vars(self.limits)
         parameters = {**config.parameters, **set_on_page}
         return node_process(PAGE, config.namespace, config.log_directory, parameters)
@@ -168,7 +158,7 @@ class DashboardProcess:
                         raise exit_error(self._process)
                     await asyncio.sleep(_POLL)
         except TimeoutError:
-            raise TimeoutError(f"no page at {self._config.url} in {_START_TIMEOUT:g} s") from None
+            raise TimeoutError(f"no page at {self.config.url} in {_START_TIMEOUT:g} s") from None
         finally:
             ended.cancel()
 
@@ -182,7 +172,7 @@ class DashboardProcess:
 
     async def _answers(self) -> bool:
         try:
-            _, writer = await asyncio.open_connection(*self._config.address)
+            _, writer = await asyncio.open_connection(*self.config.address)
         except OSError:
             return False
         writer.close()
@@ -215,7 +205,7 @@ class DashboardProcess:
             self._hung.put_nowait(sign.value)
 
     def _note(self, what: str, text: str) -> None:
-        self._log.note(what, PAGE.name, text, t=self._clock())
+        self.log.note(what, PAGE.name, text, t=self.clock())
 
 
 async def outlive(
