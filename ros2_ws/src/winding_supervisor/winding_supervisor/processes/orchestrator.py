@@ -52,29 +52,23 @@ class GraphConfig:
     sim_time: bool = True  # Whether the nodes' time is the simulated machine's
 
 
+@dataclass(eq=False)
 class Orchestrator:
-    """Runs one graph; every wait is for a state, none for a time.
+    """Runs one graph; every wait is for a state, none for a time."""
 
-    Args:
-        config: How it is run.
-        client: Calls its services and hears its diagnostics.
-        tell: Takes a sentence now and then while nodes compile.
-    """
+    config: GraphConfig  # How it is run
+    client: AsyncClient  # Calls its services and hears its diagnostics
+    # Takes a sentence now and then while nodes compile
+    tell: Callable[[str], object] = lambda sentence: None
 
-    def __init__(
-        self,
-        config: GraphConfig,
-        client: AsyncClient,
-        tell: Callable[[str], object] = lambda sentence: None,
-    ) -> None:
-        self.config = config
-        self._client = client
-        self._tell = tell
+    def __post_init__(self) -> None:
         self._narrated = ""
-        self._transitions = LifecycleDriver(client, config.namespace, self._reason, self._work)
-        self.processes: list[Member] = [self._process(spec) for spec in config.graph]
+        self._transitions = LifecycleDriver(
+            self.client, self.config.namespace, self._reason, self._work
+        )
+        self.processes: list[Member] = [self._process(spec) for spec in self.config.graph]
         self._active: set[str] = set()
-        self._matching = Discovery(client, config.recorded, config.graph)
+        self._matching = Discovery(self.client, self.config.recorded, self.config.graph)
         # What the nodes were found to be set to, for those that are started again.
         self._adopted: dict[str, dict[str, object]] = {}
 
@@ -157,7 +151,7 @@ class Orchestrator:
             TimeoutError: The graph does not forget.
         """
         async with deadline(PATIENCE, f"the graph does not forget a killed {', '.join(names)}"):
-            while any(self._client.present(name) != 1 for name in set(names) - self.down()):
+            while any(self.client.present(name) != 1 for name in set(names) - self.down()):
                 await asyncio.sleep(_POLL)
         # Each process forgets for itself, a little earlier or later than this one.
         await asyncio.sleep(_FORGETTING)
@@ -255,7 +249,7 @@ class Orchestrator:
         return self.process(name).work(), self._compiling(name)
 
     def _compiling(self, name: str) -> str:
-        status = self._client.status(name)
+        status = self.client.status(name)
         return status.values.get(COMPILING, "") if status else ""
 
     def _narrate(self) -> None:
@@ -263,7 +257,7 @@ class Orchestrator:
         sentence = ", ".join(f"{name} {share}" for name, share in found.items())
         if sentence and sentence != self._narrated:
             self._narrated = sentence
-            self._tell(f"compiling kernels (first start only): {sentence}")
+            self.tell(f"compiling kernels (first start only): {sentence}")
 
     async def _configure_all(self) -> None:
         await asyncio.gather(*(configure(self._transitions, process) for process in self.processes))
