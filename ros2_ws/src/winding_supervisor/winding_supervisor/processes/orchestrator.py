@@ -24,6 +24,7 @@ from winding_ros.client.lifecycle import (
 )
 from winding_ros.graph import GRAPH, GraphError, NodeSpec, parameters_of, without_replay
 from winding_ros.runtime.parameter_files import parameters_for
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.processes.discovery import PATIENCE, Discovery
 from winding_supervisor.processes.members import AttachedNode, Member, configure, exit_error
 from winding_supervisor.processes.node_process import node_process
@@ -199,14 +200,10 @@ class Orchestrator:
 
     async def first_death(self, among: Sequence[Member] = ()) -> Member:
         """Wait until a process ends, of some or of all; return it."""
-        watched = among or self.processes
-        tasks = {asyncio.create_task(process.ended()): process for process in watched}
-        try:
+        watched = tuple(among or self.processes)
+        async with beside(*(process.ended() for process in watched)) as tasks:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-        return tasks[done.pop()]
+        return watched[tasks.index(done.pop())]
 
     async def stop(self) -> None:
         """Stop every process: the active ones in order, the rig first, then the others at once."""
@@ -265,9 +262,7 @@ class Orchestrator:
     async def _while_alive(
         self, work: Coroutine[Any, Any, Any], among: Sequence[Member] = ()
     ) -> None:
-        task = asyncio.create_task(work)
-        death = asyncio.create_task(self.first_death(among))
-        try:
+        async with beside(work, self.first_death(among)) as (task, death):
             ended: set[asyncio.Task[Any]] = set()
             while not ended:
                 ended, _ = await asyncio.wait(
@@ -277,10 +272,7 @@ class Orchestrator:
             if task.done():
                 task.result()
                 return
-            dead = death.result()
-        finally:
-            task.cancel()
-            death.cancel()
+            dead: Member = death.result()
         # Its output may still be on its way through the pipe.
         await dead.stop()
         raise exit_error(dead)

@@ -15,6 +15,7 @@ from winding_core.status import Level, RunPhase
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import PAGE, GraphError
 from winding_ros.runtime.heartbeat import Sign
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.processes.members import exit_error
 from winding_supervisor.processes.node_process import Backoff, NodeProcess, node_process
 from winding_supervisor.watch.event_log import EventLog
@@ -124,14 +125,10 @@ class DashboardProcess:
         Raises:
             GraphError: As in `keep`.
         """
-        keeping, ending = asyncio.create_task(self.keep()), asyncio.create_task(ended.wait())
-        try:
+        async with beside(self.keep(), ended.wait()) as (keeping, ending):
             await asyncio.wait({keeping, ending}, return_when=asyncio.FIRST_COMPLETED)
             if keeping.done():
                 keeping.result()
-        finally:
-            keeping.cancel()
-            ending.cancel()
 
     async def stop(self) -> None:
         """End the page, if it was started."""
@@ -150,17 +147,14 @@ class DashboardProcess:
         return node_process(PAGE, config.namespace, config.log_directory, parameters)
 
     async def _served(self) -> None:
-        ended = asyncio.create_task(self._process.ended())
         try:
-            async with asyncio.timeout(_START_TIMEOUT):
+            async with beside(self._process.ended()) as (ended,), asyncio.timeout(_START_TIMEOUT):
                 while not await self._answers():
                     if ended.done():
                         raise exit_error(self._process)
                     await asyncio.sleep(_POLL)
         except TimeoutError:
             raise TimeoutError(f"no page at {self.config.url} in {_START_TIMEOUT:g} s") from None
-        finally:
-            ended.cancel()
 
     async def _comes(self) -> bool:
         """Return whether a page that was started again is served; `keep` deals with its end."""
@@ -182,14 +176,9 @@ class DashboardProcess:
 
     async def _failure(self) -> str:
         """Wait until the process ends or hangs; return what became of it."""
-        ended = asyncio.create_task(self._process.ended())
-        hung = asyncio.create_task(self._hung.get())
-        try:
+        async with beside(self._process.ended(), self._hung.get()) as (ended, hung):
             await asyncio.wait({ended, hung}, return_when=asyncio.FIRST_COMPLETED)
-            return f"ended with exit code {ended.result()}" if ended.done() else hung.result()
-        finally:
-            ended.cancel()
-            hung.cancel()
+            return f"ended with exit code {ended.result()}" if ended.done() else str(hung.result())
 
     def _note_sign(self, sign: Sign) -> None:
         if sign is Sign.ALIVE:
@@ -222,11 +211,8 @@ async def outlive(
     Raises:
         GraphError: The page failed, too.
     """
-    reporting = asyncio.create_task(_keep_reporting(failure, client))
-    try:
+    async with beside(_keep_reporting(failure, client)):
         await page.keep_until(ended)
-    finally:
-        reporting.cancel()
 
 
 async def _keep_reporting(failure: str, client: AsyncClient) -> None:

@@ -19,6 +19,7 @@ from winding_core.status import OUTCOME_COMPONENT, Level, RunPhase
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.graph import GraphError
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.session.completion import Completion
 from winding_supervisor.session.conduct import Conduct
 from winding_supervisor.session.participants import Participants
@@ -126,17 +127,15 @@ class Session:
         """Follow the present run from waiting for it until every node has dealt with its end."""
         who, conduct, run = self.who, self.conduct, self._run
         buffer = who.recorder.buffer
-        begun = asyncio.create_task(conduct.begun())
-        beside = [begun]
-        if not conduct.throughout:
-            beside.append(asyncio.create_task(who.supervisor.watch()))
+        watched = [] if conduct.throughout else [who.supervisor.watch()]
         completion: Completion | None = None
-        try:
+        async with beside(conduct.begun(), *watched) as tasks:
+            begun = tasks[0]
             while completion is None or not completion.reached(buffer, time.monotonic()):
                 if self.ended.is_set() or conduct.look():
                     break
                 for task in filter(
-                    None, (*beside, *self._beside, self._delivering, conduct.reading)
+                    None, (*tasks, *self._beside, self._delivering, conduct.reading)
                 ):
                     if task.done():
                         task.result()
@@ -153,9 +152,6 @@ class Session:
                 self._show(view)
                 await asyncio.sleep(_POLL)
             self._show(view, now=True)
-        finally:
-            for task in beside:
-                task.cancel()
         run.over = time.monotonic()
         if run.begun or not conduct.operated:
             cause = conduct.over(buffer.time, closed=self.ended.is_set())
@@ -189,18 +185,13 @@ class Session:
             return
         if self._delivering is not None:
             await self._delivering
-        preparing = asyncio.create_task(conduct.made_ready())
-        ending = asyncio.create_task(self.ended.wait())
-        staying = asyncio.create_task(who.rest.hold(math.inf))
-        try:
+        work = conduct.made_ready(), self.ended.wait(), who.rest.hold(math.inf)
+        async with beside(*work) as (preparing, ending, _):
             awaited = [preparing, ending, *self._beside]
             await asyncio.wait(awaited, return_when=asyncio.FIRST_COMPLETED)
             for task in (*self._beside, preparing):
                 if task.done():
                     task.result()
-        finally:
-            for coming in (preparing, ending, staying):
-                coming.cancel()
         if not self.ended.is_set():
             self.tell_outcome(None)
             who.log.begin_run()

@@ -23,6 +23,7 @@ from winding_ros.graph import GraphError, Policy
 from winding_ros.runtime.heartbeat import Sign
 from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.watch_clock import WatchClock
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.processes.orchestrator import Orchestrator
@@ -94,11 +95,8 @@ class Supervisor:
         """Give the signs of life that keep the machine moving."""
         for spec in self._graph:
             self.client.watch(spec.name, partial(self._note_sign, spec.name))
-        task = asyncio.create_task(self._beat())
-        try:
+        async with beside(self._beat()):
             yield
-        finally:
-            task.cancel()
 
     async def watch(self) -> None:
         """Supervise until something ends the run.
@@ -112,31 +110,27 @@ class Supervisor:
         for spec in self._graph:
             self._trust(spec.name)
         watched = (self._look(), self._look_for_rivals(), self._publish_load())
-        tasks = [asyncio.create_task(work) for work in watched]
         try:
-            while True:
-                await self._handle(await self._next_finding(tasks))
+            async with beside(*watched) as tasks:
+                while True:
+                    await self._handle(await self._next_finding(tasks))
         except (TimeoutError, ValueError) as error:
             raise GraphError(str(error)) from error
         finally:
-            for task in tasks:
-                task.cancel()
             for task in self._ends.values():
                 task.cancel()
 
     async def _next_finding(self, watching: Sequence[asyncio.Task[None]]) -> Finding:
         """Return what fails next; whoever watches may end, but not by an error of its own."""
-        coming = asyncio.create_task(self._findings.get())
-        try:
+        async with beside(self._findings.get()) as (coming,):
             while not coming.done():
                 for task in watching:
                     if task.done():
                         task.result()
                 going = [task for task in watching if not task.done()]
                 await asyncio.wait([coming, *going], return_when=asyncio.FIRST_COMPLETED)
-            return coming.result()
-        finally:
-            coming.cancel()
+            finding: Finding = coming.result()
+            return finding
 
     @property
     def t(self) -> float:
