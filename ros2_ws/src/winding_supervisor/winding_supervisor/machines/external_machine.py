@@ -95,7 +95,9 @@ class ExternalMachine(Machine):
         self._config = config
         self._clock = clock
         self._reader = AxisReader(self.axes)
-        self._reading: tuple[float, AxisReading] | None = None
+        # Both axes, as the newest encoder sample has them, and its stamp [s].
+        self.reading: AxisReading | None = None
+        self._read_at = -math.inf
         self._seen_ns = 0
         self._still_since: float | None = None
         self._wrong = ""
@@ -168,14 +170,7 @@ class ExternalMachine(Machine):
 
     @property
     def _rested(self) -> float:
-        if self._still_since is None or self._reading is None:
-            return 0.0
-        return self._reading[0] - self._still_since
-
-    @property
-    def reading(self) -> AxisReading | None:
-        """Both axes, as the newest encoder sample has them."""
-        return None if self._reading is None else self._reading[1]
+        return 0.0 if self._still_since is None else self._read_at - self._still_since
 
     def parameters(self) -> Mapping[str, object]:
         """Return the axes as the nodes are to read them."""
@@ -187,7 +182,7 @@ class ExternalMachine(Machine):
         for message in self._unseen():
             self._heard = now
             sample = joint_sample(message, self.axes)
-            if sample is not None and (self._reading is None or sample.t > self._reading[0]):
+            if sample is not None and sample.t > self._read_at:
                 self._take(sample)
 
     @property
@@ -207,7 +202,7 @@ class ExternalMachine(Machine):
 
     def _take(self, sample: JointSample) -> None:
         reading = self._reader.read(sample)
-        self._reading = (sample.t, reading)
+        self.reading, self._read_at = reading, sample.t
         if self.began is None and has_moved(reading):
             self.began = sample.t
         if self.began is None:
@@ -228,7 +223,7 @@ class ExternalMachine(Machine):
         self.look()
         if self._wrong:
             return f"show that {self._wrong}"
-        if self._reading is not None and self._silent > _SILENCE:
+        if self.reading is not None and self._silent > _SILENCE:
             return f"are silent for {self._silent:.1f} s"
         return ""
 
@@ -245,7 +240,8 @@ class ExternalMachine(Machine):
         self._buffer.axes = self.axes
         self._buffer.origin = math.inf
         self._reader = AxisReader(self.axes)
-        self._reading, self._heard = None, self._looks.look(self._clock())
+        self.reading, self._read_at = None, -math.inf
+        self._heard = self._looks.look(self._clock())
         newest = self._buffer.last(topics.JOINT_STATES)
         self._seen_ns = 0 if newest is None else newest.received_ns
 
