@@ -69,11 +69,6 @@ class DashboardProcess:
         self._process = self._new()
 
     @property
-    def url(self) -> str:
-        """What a browser is given."""
-        return self.config.url
-
-    @property
     def limits(self) -> OperatorLimits | None:
         """The limits that its operator set last; None before the page has reported any."""
         status = self.client.status(f"{PAGE.name}: {COMPONENT}")

@@ -133,11 +133,6 @@ class Supervisor:
             return finding
 
     @property
-    def t(self) -> float:
-        """Simulated time of the newest encoder sample [s]."""
-        return self.machine.t
-
-    @property
     def _left_alone(self) -> bool:
         """Whether a machine stands that may, so that nodes may be silent and topics late."""
         may_stand = self.operated or not self.machine.simulated
@@ -238,7 +233,7 @@ class Supervisor:
         while True:
             await asyncio.sleep(_LOAD_PERIOD)
             level, message, values = load.look(time.monotonic(), self._pids())
-            self.client.tell(self.t, level, "vitals", message, values)
+            self.client.tell(self.machine.t, level, "vitals", message, values)
 
     def _pids(self) -> dict[str, int]:
         return {**self.orchestrator.pids(), NAME: os.getpid()}
@@ -275,7 +270,7 @@ class Supervisor:
         if failure and self.machine.simulated:
             await self.orchestrator.process(topics.RIG).kill()
             failure += " and was killed"
-        self.log.stop(self.t, "supervision", failure)
+        self.log.stop(self.machine.t, "supervision", failure)
         if failure:
             self._note("not stopped", topics.RIG, failure)
             self._end(cause)
@@ -321,11 +316,11 @@ class Supervisor:
     def _note(
         self, what: str, node: str, text: str, *, wall: float | None = None, sentence: str = ""
     ) -> None:
-        self.log.note(what, node, text, t=self.t, wall=wall)
+        self.log.note(what, node, text, t=self.machine.t, wall=wall)
         level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
-        values = {"time": f"{self.t:.3f}"}
+        values = {"time": f"{self.machine.t:.3f}"}
         about = sentence or f"{node} {text}"
-        self.client.tell(self.t, level, "supervision", f"{what}: {about}", values)
+        self.client.tell(self.machine.t, level, "supervision", f"{what}: {about}", values)
 
 
 def replay_parameters(buffer: RunBuffer, file: Path, since: float = 0.0) -> dict[str, object]:
