@@ -35,7 +35,7 @@ class OperatorSession:
     state: ViewState  # What is known of the run
     graph: Graph  # What is commanded
     recipes: Recipes  # Conditions that are kept
-    current: Callable[[], OperatorLimits]  # Returns what counts as good
+    limits: Callable[[], OperatorLimits]  # Returns what counts as good
     time_of_day: Callable[[], str]  # Returns the time as it stands before a sentence
     keep: Callable[[OperatorLimits], object]  # Takes limits that an operator has set
 
@@ -145,16 +145,12 @@ class OperatorSession:
         found: dict[str, Any] = typed_values(
             OperatorLimits, typed, lambda key: LIMIT_LABELS.get(key, key)
         )
-        self.keep(replace(self.limits, **found))
+        self.keep(replace(self.limits(), **found))
+        limits = self.limits()
         return (
-            f"{self.limits.error_limit_pct:g} % of a length, "
-            f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
+            f"{limits.error_limit_pct:g} % of a length, "
+            f"{limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
         )
-
-    @property
-    def limits(self) -> OperatorLimits:
-        """What counts as good."""
-        return self.current()
 
     async def learn_choice(self) -> None:
         """Ask the solver what it is set to wind, until it answers."""

@@ -127,7 +127,7 @@ class Snapshots:
             "hidden": self._hidden(now, off),
             "pressed": {name: state.control.mode is mode for mode, name in _MODES.items()},
             "form": session.form(),
-            "limits": shown_values(OperatorLimits, vars(session.limits)),
+            "limits": shown_values(OperatorLimits, vars(session.limits())),
             "alarm": session.alarm,
             "bad": {
                 "control-basis": basis_words(state.control, state.time)[1],
@@ -172,7 +172,7 @@ class Snapshots:
         }
 
     def _chart_parts(self) -> dict[str, str]:
-        state, tolerance = self.state, self.session.limits.lay_tolerance
+        state, tolerance = self.state, self.session.limits().lay_tolerance
         parts = speed_drawings(state)
         if state.control.known:
             turns = turn_errors(state.lay, state.control.wanted)[-_NEWEST_TURNS:]
