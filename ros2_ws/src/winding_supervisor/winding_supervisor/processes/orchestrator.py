@@ -139,13 +139,10 @@ class Orchestrator:
         await self._while_alive(self._transitions.change(name, ACTIVATE, CONFIGURE_TIMEOUT), [new])
         self._active.add(name)
 
-    async def rematch(self, names: Collection[str]) -> frozenset[str]:
+    async def rematch(self, names: Collection[str]) -> None:
         """Wait until the graph has forgotten killed processes and matches their successors.
 
         A node that is down meanwhile is not waited for: its own restart matches it.
-
-        Returns:
-            Names of the nodes that are down; the machine goes on when they are up again.
 
         Raises:
             GraphError: A subscriber among those that are up does not find its publisher.
@@ -157,7 +154,6 @@ class Orchestrator:
         # Each process forgets for itself, a little earlier or later than this one.
         await asyncio.sleep(_FORGETTING)
         await self._matching.complete(self.down)
-        return self.down()
 
     def down(self) -> frozenset[str]:
         """Return the names of the nodes that have ended, or are not active."""
