@@ -25,7 +25,7 @@ class AttachedNode:
     driver: LifecycleDriver  # Sets its state and its parameters
     parameters: Mapping[str, object]  # What it is to be run with
     started: ClassVar = False
-    return_code: ClassVar[int | None] = None
+    return_code: ClassVar[int | None] = None  # It does not end for this process
     # Without its process to look at, silence is the only sign of a hang.
     stopped: ClassVar = True
 
