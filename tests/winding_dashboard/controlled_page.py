@@ -84,7 +84,7 @@ def note_run(state: ViewState, theta: float, mode: ControlMode, *, step: float =
             feed_speed=ADVANCE * SPEED,
         ),
     )
-    state.note_lay(t, measured_lay(theta))
+    state.note_source("lay", t, measured_lay(theta))
     state.note_source("predicted", t, markers(theta))
     state.note_source("tracked", t, markers(theta))
     at = np.arange(0.0, theta, 0.3)

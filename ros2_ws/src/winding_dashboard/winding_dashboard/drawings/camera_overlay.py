@@ -143,17 +143,17 @@ def _runs(theta: NDArray[np.float64], shown: NDArray[np.bool_]) -> list[NDArray[
 
 def camera_overlay(state: ViewState) -> str:
     """Return SVG in the picture's pixels; nothing where markers are of another moment."""
-    tracked = state.times["tracked"]
+    times = state.times
     if state.camera is None or not state.picture:
         return ""
-    if not abs(state.picture_time - tracked) <= TOGETHER:
+    if not abs(times["picture"] - times["tracked"]) <= TOGETHER:
         return ""
     # Pictures come as seen, markers some milliseconds later; the cylinder turned meanwhile.
     bands = band_overlay(
         state.tracked,
         state.camera,
         cable_radius=state.cable_radius,
-        turned=state.turned(tracked, state.picture_time),
+        turned=state.turned(times["tracked"], times["picture"]),
     )
-    turned = state.turned(state.lay_time, state.picture_time)
+    turned = state.turned(times["lay"], times["picture"])
     return lay_overlay(state.lay, state.camera, turned=turned) + bands

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from winding_core.cable.condition import Condition
@@ -28,30 +28,18 @@ _LISTENED = 1.5
 LIMIT_LABELS = {"error_limit_pct": "Error of a length, %", "lay_tolerance_mm": "Lay, mm"}
 
 
+@dataclass(eq=False)
 class OperatorSession:
-    """Does what operators ask for, one sentence for each.
+    """Does what operators ask for, one sentence for each."""
 
-    Args:
-        state: What is known of the run.
-        graph: What is commanded.
-        recipes: Conditions that are kept.
-        limits: Returns what counts as good.
-        time_of_day: Returns the time as it stands before a sentence.
-        keep: Takes limits that an operator has set.
-    """
+    state: ViewState  # What is known of the run
+    graph: Graph  # What is commanded
+    recipes: Recipes  # Conditions that are kept
+    limits: Callable[[], OperatorLimits]  # Returns what counts as good
+    time_of_day: Callable[[], str]  # Returns the time as it stands before a sentence
+    keep: Callable[[OperatorLimits], object]  # Takes limits that an operator has set
 
-    def __init__(
-        self,
-        state: ViewState,
-        graph: Graph,
-        recipes: Recipes,
-        limits: Callable[[], OperatorLimits],
-        time_of_day: Callable[[], str],
-        keep: Callable[[OperatorLimits], object],
-    ) -> None:
-        self._state, self._graph, self._time_of_day = state, graph, time_of_day
-        self._limits, self._keep = limits, keep
-        self.recipes = recipes
+    def __post_init__(self) -> None:
         self.answer = ""  # What came of the last request, with its time of day
         self.alarm = False  # Whether that was a refusal
         self.choice: Choice | None = None  # What the solver is set to; None before it answered
@@ -72,18 +60,18 @@ class OperatorSession:
 
     async def command(self, name: str) -> str:
         """Give a command to the machine or to the controller of the lay."""
-        answer = await self._graph.command(name)
+        answer = await self.graph.command(name)
         if name != commands.RESET:
             return answer
-        self._state.clear()
+        self.state.clear()
         with self._preparing("the nodes begin a new run"):
-            return await self._graph.renew() or answer
+            return await self.graph.renew() or answer
 
     async def record(self, *, on: bool) -> str:
         """Begin a recording or end it."""
         self._recording = True
         try:
-            answer = await self._graph.record(on)
+            answer = await self.graph.record(on)
         finally:
             self._recording = False
         return "begun" if on else answer
@@ -96,9 +84,9 @@ class OperatorSession:
         """
         position, paused = asked.get("position"), asked.get("paused")
         if isinstance(position, int | float):
-            return await self._graph.play(position=float(position))
+            return await self.graph.play(position=float(position))
         if isinstance(paused, bool):
-            return await self._graph.play(paused=paused)
+            return await self.graph.play(paused=paused)
         raise ValueError("give a position in seconds, or whether it is paused")
 
     async def prepare(self, form: Mapping[str, Any]) -> str:
@@ -121,9 +109,9 @@ class OperatorSession:
                 return "the form is complete; the present run will be dropped"
             choice = Choice(condition=condition, take_up=bool(form.get("take_up")))
             # What comes from now on, the prediction among it, is of the run that is prepared.
-            self._state.begin_anew()
+            self.state.begin_anew()
             with self._preparing("preparing"):
-                remark = await self._graph.prepare(choice, self._show)
+                remark = await self.graph.prepare(choice, self._show)
         except (ValueError, CommandError) as error:
             self.refused = str(error)
             raise
@@ -157,23 +145,19 @@ class OperatorSession:
         found: dict[str, Any] = typed_values(
             OperatorLimits, typed, lambda key: LIMIT_LABELS.get(key, key)
         )
-        self._keep(replace(self.limits, **found))
+        self.keep(replace(self.limits(), **found))
+        limits = self.limits()
         return (
-            f"{self.limits.error_limit_pct:g} % of a length, "
-            f"{self.limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
+            f"{limits.error_limit_pct:g} % of a length, "
+            f"{limits.lay_tolerance / MILLIMETRE:g} mm of the lay"
         )
-
-    @property
-    def limits(self) -> OperatorLimits:
-        """What counts as good."""
-        return self._limits()
 
     async def learn_choice(self) -> None:
         """Ask the solver what it is set to wind, until it answers."""
-        if self.choice is not None or self.preparing or self._graph.unprepared():
+        if self.choice is not None or self.preparing or self.graph.unprepared():
             return
         try:
-            self.choice = await self._graph.choice()
+            self.choice = await self.graph.choice()
         except CommandError as error:
             self.refused = str(error)
         else:
@@ -187,33 +171,33 @@ class OperatorSession:
 
     def choosable(self) -> bool:
         """Return whether there is a condition to show and to change."""
-        return not self._state.player and (self.choice is not None or not self._graph.unprepared())
+        return not self.state.player and (self.choice is not None or not self.graph.unprepared())
 
     def unprepared(self) -> str:
         """Return why no other run can be prepared now; empty when one can."""
-        missing = PLAYED if self._state.player else self._graph.unprepared()
+        missing = PLAYED if self.state.player else self.graph.unprepared()
         if missing:
             return f"cannot be chosen here: {missing}"
         if self.preparing:
             return "another run is being prepared"
-        if self._state.going:
-            return f"cannot be chosen while the machine is {self._state.phase}"
+        if self.state.going:
+            return f"cannot be chosen while the machine is {self.state.phase}"
         return "" if self.choice is not None else "asking the solver what it is set to"
 
     def unrecorded(self) -> str:
         """Return why the recording cannot be switched now; empty when it can."""
-        if self._state.player:
+        if self.state.player:
             return PLAYED
-        return self._graph.unrecorded() or ("the recorder is at work" if self._recording else "")
+        return self.graph.unrecorded() or ("the recorder is at work" if self._recording else "")
 
     def unavailable(self, command: str, now: float) -> str:
         """Return why a command makes no sense at wall time now [s]; empty when it does."""
-        state = self._state
+        state = self.state
         if state.player:
             return PLAYED
         if command in commands.STOPS:
             return ""
-        reason = self._graph.unavailable(command) or commands.untimely(
+        reason = self.graph.unavailable(command) or commands.untimely(
             command,
             state.phase if state.heard(now) else "",
             state.run_phase,
@@ -223,7 +207,7 @@ class OperatorSession:
 
     def _unready(self, now: float) -> str:
         """Return why nothing should be started at wall time now [s]; empty when it may."""
-        state, health = self._state, self._state.health
+        state, health = self.state, self.state.health
         if self.preparing:
             return "another run is being prepared"
         if not state.heard(now):
@@ -252,7 +236,7 @@ class OperatorSession:
         self.preparing = what
 
     def _answer(self, sentence: str, *, alarm: bool = False) -> None:
-        self.answer, self.alarm = f"{self._time_of_day()}  {sentence}", alarm
+        self.answer, self.alarm = f"{self.time_of_day()}  {sentence}", alarm
 
 
 def _form(condition: Condition) -> dict[str, Any]:

@@ -55,29 +55,18 @@ class Wanted:
     sight: Sight = field(default_factory=Sight)  # From where the cylinder is looked at
 
 
+@dataclass(eq=False)
 class Snapshots:
-    """Makes snapshots, at most one for each period, whoever asks.
+    """Makes snapshots, at most one for each period, whoever asks."""
 
-    Args:
-        state: What is known of the run.
-        session: What operators asked for.
-        runs: Runs with their reports.
-        render: Makes a part of the page from the name of its template and what it shows.
-        clock: Wall time [s] as the state's `health` gets it.
-        server: Name of this server; another one counts from zero.
-    """
+    state: ViewState  # What is known of the run
+    session: OperatorSession  # What operators asked for
+    runs: RunList  # Runs with their reports
+    render: Render  # Makes a part of the page from the name of its template and what it shows
+    clock: Callable[[], float]  # Wall time [s] as the state's `health` gets it
+    server: str  # Name of this server; another one counts from zero
 
-    def __init__(
-        self,
-        state: ViewState,
-        session: OperatorSession,
-        runs: RunList,
-        render: Render,
-        clock: Callable[[], float],
-        server: str,
-    ) -> None:
-        self._state, self.session, self.runs = state, session, runs
-        self._render, self._clock, self._server = render, clock, server
+    def __post_init__(self) -> None:
         self._sequence = 0
         self._made: OrderedDict[int, float] = OrderedDict()
         self._due = -math.inf
@@ -87,16 +76,16 @@ class Snapshots:
 
     def snapshot(self, wanted: Wanted) -> dict[str, Any]:
         """Return the newest snapshot as JSON values."""
-        now = self._clock()
+        now = self.clock()
         if now >= self._due:
             self._make(now)
         if wanted not in self._own:
             self._own[wanted] = {
-                "chart-length": length_drawing(self._state, wanted.marker),
-                "cylinder": cylinder_drawing(self._state, wanted.sight),
+                "chart-length": length_drawing(self.state, wanted.marker),
+                "cylinder": cylinder_drawing(self.state, wanted.sight),
             }
         own = self._own[wanted]
-        marker = wanted.marker or self._state.newest_marker()
+        marker = wanted.marker or self.state.newest_marker()
         return {
             **self._newest,
             "texts": {**self._newest["texts"], "chart-length-title": f"S{marker}, mm"},
@@ -110,12 +99,12 @@ class Snapshots:
 
     def age(self, server: object, sequence: object) -> float:
         """Return how old a snapshot is [s]; infinite for one that is no longer kept."""
-        if server != self._server or not isinstance(sequence, int):
+        if server != self.server or not isinstance(sequence, int):
             return math.inf
-        return self._clock() - self._made.get(sequence, -math.inf)
+        return self.clock() - self._made.get(sequence, -math.inf)
 
     def _make(self, now: float) -> None:
-        state, session = self._state, self.session
+        state, session = self.state, self.session
         self._sequence += 1
         self._made[self._sequence], self._due = now, now + PERIOD
         while len(self._made) > _REMEMBERED:
@@ -126,7 +115,7 @@ class Snapshots:
         silent = now - max(state.last_data, state.health.last_heard)
         off = self._off(now)
         self._newest = {
-            "server": self._server,
+            "server": self.server,
             "sequence": self._sequence,
             "time": state.time if math.isfinite(state.time) else None,
             "resets": state.resets,
@@ -138,7 +127,7 @@ class Snapshots:
             "hidden": self._hidden(now, off),
             "pressed": {name: state.control.mode is mode for mode, name in _MODES.items()},
             "form": session.form(),
-            "limits": shown_values(OperatorLimits, vars(session.limits)),
+            "limits": shown_values(OperatorLimits, vars(session.limits())),
             "alarm": session.alarm,
             "bad": {
                 "control-basis": basis_words(state.control, state.time)[1],
@@ -149,7 +138,7 @@ class Snapshots:
         }
 
     def _texts(self, now: float) -> dict[str, str]:
-        state, session = self._state, self.session
+        state, session = self.state, self.session
         recording = state.recording(now)
         unrecorded = session.unrecorded()
         recorded = recording_sentence(state.health.message(RECORDER), recording)
@@ -170,39 +159,39 @@ class Snapshots:
         }
 
     def _quick_parts(self, now: float) -> dict[str, str]:
-        state = self._state
+        state = self.state
         return {
-            "band": self._render("band", {"cells": band(state, now, self.session.preparing)}),
-            "alerts": self._render("alerts", {"warnings": state.health.warnings(now)}),
-            "figures": self._render("figures", {"figures": figures(state)}),
-            "markers": self._render("markers", {"rows": state.marker_rows(), "old": state.old}),
-            "overlay": self._render(
+            "band": self.render("band", {"cells": band(state, now, self.session.preparing)}),
+            "alerts": self.render("alerts", {"warnings": state.health.warnings(now)}),
+            "figures": self.render("figures", {"figures": figures(state)}),
+            "markers": self.render("markers", {"rows": state.marker_rows(), "old": state.old}),
+            "overlay": self.render(
                 "overlay", {"size": _picture_size(state), "drawing": camera_overlay(state)}
             ),
-            "tension-scale": self._render("scale", {"ends": tension_ends(state)}),
+            "tension-scale": self.render("scale", {"ends": tension_ends(state)}),
         }
 
     def _chart_parts(self) -> dict[str, str]:
-        state, tolerance = self._state, self.session.limits.lay_tolerance
+        state, tolerance = self.state, self.session.limits().lay_tolerance
         parts = speed_drawings(state)
         if state.control.known:
             turns = turn_errors(state.lay, state.control.wanted)[-_NEWEST_TURNS:]
             parts |= control_drawings(state, tolerance)
-            parts["turns"] = self._render(
+            parts["turns"] = self.render(
                 "turns",
                 {"turns": turns, "tolerance": tolerance, "facts": beliefs(state.control)},
             )
         elif len(state.lay):
             parts["chart-helix"] = lay_drawing(state.lay, state.advance)
-            parts["defects"] = self._render("text", {"text": defect_sentence(state.lay)})
+            parts["defects"] = self.render("text", {"text": defect_sentence(state.lay)})
         return parts
 
     def _list_parts(self, now: float) -> dict[str, str]:
         return {
-            "nodes": self._render("nodes", {"rows": self._state.health.rows(now)[:_MOST_NODES]}),
-            "runs": self._render("runs", {"runs": self.runs.runs()}),
-            "others": self._render("others", {"rows": sorted(self._state.others.items())}),
-            "recipes": self._render("recipes", {"names": self.session.recipes.names()}),
+            "nodes": self.render("nodes", {"rows": self.state.health.rows(now)[:_MOST_NODES]}),
+            "runs": self.render("runs", {"runs": self.runs.runs()}),
+            "others": self.render("others", {"rows": sorted(self.state.others.items())}),
+            "recipes": self.render("recipes", {"names": self.session.recipes.names()}),
         }
 
     def _off(self, now: float) -> dict[str, str]:
@@ -216,7 +205,7 @@ class Snapshots:
 
     def _ask(self, now: float) -> dict[str, str]:
         """Return which controls ask before they act now, with the dialog that does."""
-        state = self._state
+        state = self.state
         going = state.going or state.moving
         drives = state.control.mode is ControlMode.DRIVE
         return {
@@ -229,7 +218,7 @@ class Snapshots:
         }
 
     def _hidden(self, now: float, off: dict[str, str]) -> dict[str, bool]:
-        state = self._state
+        state = self.state
         control = state.control.known
         return {
             "recording": not state.recording(now).get("bag"),
@@ -249,9 +238,9 @@ class Snapshots:
     def _why_off(self, now: float) -> str:
         """Return why nothing can be started now, beside Start; empty when it can."""
         reason = self.session.unavailable(commands.START, now)
-        if self._state.player:
+        if self.state.player:
             return f"Commands are off: {reason}"
-        return f"Start is off: {reason}" if reason and not self._state.going else ""
+        return f"Start is off: {reason}" if reason and not self.state.going else ""
 
 
 def _picture_size(state: ViewState) -> tuple[int, int]:

@@ -51,8 +51,19 @@ class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
 
     @property
     def loopback(self) -> bool:
-        """Whether only this machine can reach the page."""
-        return is_loopback(self.host)
+        """Whether only this machine can reach the page.
+
+        Raises:
+            ParameterError: The host is neither an IP address nor `localhost`.
+        """
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host.strip("[]")).is_loopback
+        except ValueError:
+            raise ParameterError(
+                f"host must be an IP address or localhost, got {self.host!r}"
+            ) from None
 
     def token(self, environment: Mapping[str, str] = os.environ) -> str:
         """Return the secret that a browser must bring; empty for none.
@@ -102,17 +113,3 @@ def _read_secret(path: Path) -> str:
         raise ParameterError(f"token_file {path} cannot be read: {error.strerror}") from error
     except UnicodeDecodeError:
         raise ParameterError(f"token_file {path} must hold ASCII text") from None
-
-
-def is_loopback(host: str) -> bool:
-    """Return whether an address or `localhost` is reached from this machine alone.
-
-    Raises:
-        ParameterError: Neither an IP address nor `localhost`.
-    """
-    if host == "localhost":
-        return True
-    try:
-        return ipaddress.ip_address(host.strip("[]")).is_loopback
-    except ValueError:
-        raise ParameterError(f"host must be an IP address or localhost, got {host!r}") from None

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
 from rclpy.node import Node
@@ -29,15 +29,8 @@ from winding_ros.services import Service
 Record = TypeVar("Record")
 NODES = tuple(spec.name for spec in GRAPH)
 _CONTROLLED = tuple(spec.name for spec in controlled())
-_COMMANDS = {
-    commands.START: services.START,
-    commands.STOP: services.STOP,
-    commands.RESET: services.RESET,
-    commands.EMERGENCY_STOP: services.EMERGENCY_STOP,
-    "lay_control_off": services.LAY_CONTROL_OFF,
-    "lay_control_watch": services.LAY_CONTROL_WATCH,
-    "lay_control_drive": services.LAY_CONTROL_DRIVE,
-}
+# A command has the name of its service.
+_COMMANDS: dict[str, Service] = {name: getattr(services, name.upper()) for name in commands.TITLES}
 # Nodes that publish a recording: `winding bag play` and `ros2 bag play`.
 _PLAYERS = (PLAYER, "rosbag2_player")
 _ANSWER = 3.0
@@ -51,34 +44,24 @@ _LOOK = 0.1
 _CLOSING = 120.0
 
 
+@dataclass(eq=False)
 class ServiceClient:
     """The graph as the page commands it (`commands.Graph`).
 
     What a node refuses, or does not answer in time, is a CommandError.
-
-    Args:
-        node: A node that an executor spins.
-        wake: Tells the executor that the node has further clients.
-        health: What the nodes say of themselves.
-        clock: Wall time [s] as `health` gets it.
-        nodes: Names of the graph's nodes in the order of activation; empty for those of a
-            simulated machine.
     """
 
-    def __init__(
-        self,
-        node: Node,
-        wake: Callable[[], None],
-        health: Health,
-        clock: Callable[[], float],
-        nodes: Sequence[str] = (),
-    ) -> None:
-        self._given = tuple(nodes)
-        self._namespace = node.get_namespace()
-        self._health = health
-        self._clock = clock
+    node: Node  # A node that an executor spins
+    wake: Callable[[], None]  # Tells the executor that the node has further clients
+    health: Health  # What the nodes say of themselves
+    clock: Callable[[], float]  # Wall time [s] as `health` gets it
+    # Names of the graph's nodes in the order of activation; empty for those of a simulated machine
+    nodes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        self._namespace = self.node.get_namespace()
         self._first_lay: str | None = None
-        self._calls = ServiceCaller(node, wake)
+        self._calls = ServiceCaller(self.node, self.wake)
         self._driver = LifecycleDriver(self._calls, self._namespace, self._refusal)
         # A player belongs to no graph.
         self._player = LifecycleDriver(self._calls, "", self._refusal)
@@ -209,9 +192,9 @@ class ServiceClient:
     @property
     def _nodes(self) -> tuple[str, ...]:
         """The graph's nodes in the order of activation, the lay's controller if it is there."""
-        if self._given:
-            return self._given
-        heard = self._health.silent_for(topics.LAY_CONTROL, self._clock()) <= SILENCE
+        if self.nodes:
+            return self.nodes
+        heard = self.health.silent_for(topics.LAY_CONTROL, self.clock()) <= SILENCE
         there = heard or not self._driver.unserved([topics.LAY_CONTROL])
         return _CONTROLLED if there else NODES
 
@@ -244,14 +227,14 @@ class ServiceClient:
         """Return how many subscribers the nodes' publishers report, by topic."""
         found: dict[str, int] = {}
         for node in self._nodes:
-            found |= subscribers_of(self._health.values(f"{node}: topics"))
+            found |= subscribers_of(self.health.values(f"{node}: topics"))
         return found
 
     async def _heard_by(self, before: Mapping[str, int]) -> str:
         """Wait until every topic has as many readers as before; return what is missing."""
-        begin = self._clock()
-        while (now := self._clock()) - begin < _MATCHING:
-            reported = all(self._health.silent_for(node, now) < now - begin for node in self._nodes)
+        begin = self.clock()
+        while (now := self.clock()) - begin < _MATCHING:
+            reported = all(self.health.silent_for(node, now) < now - begin for node in self._nodes)
             present = self._readers()
             missing = [name for name, count in before.items() if present.get(name, 0) < count]
             if reported and not missing:
@@ -261,11 +244,11 @@ class ServiceClient:
 
     async def _refusal(self, node: str) -> str:
         """Return a node's reason for a refused transition, which it reports within a second."""
-        begin = self._clock()
-        while (now := self._clock()) - begin < _ANSWER:
-            refused = REFUSED_TRANSITION in self._health.values(node)
-            if self._health.silent_for(node, now) < now - begin and refused:
-                return self._health.message(node)
+        begin = self.clock()
+        while (now := self.clock()) - begin < _ANSWER:
+            refused = REFUSED_TRANSITION in self.health.values(node)
+            if self.health.silent_for(node, now) < now - begin and refused:
+                return self.health.message(node)
             await asyncio.sleep(_LOOK)
         return "refused; see the list of nodes"
 

@@ -45,18 +45,18 @@ class TopicReader:
         self.refused = 0
         notes: dict[Topic, Callable[[float, Any], None]] = {
             topics.JOINT_STATES: state.note_axes,
-            topics.JOINT_COMMANDS: self._keep("setpoints"),
+            topics.JOINT_COMMANDS: self._source("setpoints"),
             topics.CAMERA_INFO: self._note_camera,
-            topics.PREVIEW: state.note_picture,
+            topics.PREVIEW: self._source("picture"),
             topics.TRACKED_MARKERS: self._source("tracked"),
-            topics.TRACKED_LAY: state.note_lay,
+            topics.TRACKED_LAY: self._source("lay"),
             topics.FEM_MARKERS: self._source("predicted"),
             topics.FEM_CABLE: self._source("cable"),
             topics.FEM_CABLE_LINE: self._note_width,
             topics.CORRECTED_MARKERS: self._source("corrected"),
-            topics.FEM_PREDICTION: self._keep("ahead"),
+            topics.FEM_PREDICTION: self._source("ahead"),
             topics.CORRECTION_CASE: lambda _t, votes: state.note_votes(votes),
-            topics.FEM_MATERIAL: self._keep("material"),
+            topics.FEM_MATERIAL: self._source("material"),
             topics.LAY_CONTROL_STATE: state.control.note,
             topics.DIAGNOSTICS: lambda _t, statuses: state.note_statuses(self._now, statuses),
         }
@@ -94,13 +94,9 @@ class TopicReader:
                     self.refused += 1
         self._state.tick(now)
 
-    def _keep(self, name: str) -> Callable[[float, Any], None]:
-        """Return what makes a message's content an attribute of the state."""
-        return lambda _t, content: setattr(self._state, name, content)
-
     def _source(self, name: str) -> Callable[[float, Any], None]:
-        """Return what takes a source's records with their time."""
-        return lambda t, records: self._state.note_source(name, t, records)
+        """Return what makes a message's content an attribute of the state, with its time."""
+        return lambda t, content: self._state.note_source(name, t, content)
 
     def _measured(self, topic: Topic) -> Callable[[float, Any], None]:
         """Return what takes a sensor's value; a topic of another kind is shown as text."""

@@ -10,6 +10,7 @@ import math
 import textwrap
 from collections import deque
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,31 +44,22 @@ _OUTCOME = f"orchestrator: {OUTCOME_COMPONENT}"
 LENGTHS = ("predicted", "corrected", "low", "high", "measured")
 # Times [s] with what was then.
 Trace = deque[tuple[float, Mapping[str, float]]]
-# Attributes with records that nodes publish while the machine's clock runs.
-SOURCES = ("tracked", "predicted", "corrected", "cable")
+# Attributes that nodes publish while the machine's clock runs.
+SOURCES = ("tracked", "predicted", "corrected", "cable", "lay", "picture")
 
 
+@dataclass(eq=False, kw_only=True)
 class ViewState:
-    """Everything the page shows.
+    """Everything the page shows."""
 
-    Args:
-        nodes: Names of the graph's nodes, in the order in which they are shown.
-        machine: Name of the node whose own message is the machine's phase.
-        solver: Name of the node that reports what is wound.
-        quantities: What the machine's sensors measure, the tension among it.
-    """
+    nodes: Sequence[str]  # Names of the graph's nodes, in the order in which they are shown
+    machine: str  # Name of the node whose own message is the machine's phase
+    solver: str  # Name of the node that reports what is wound
+    # What the machine's sensors measure, the tension among it
+    quantities: Sequence[Quantity] = (CABLE_TENSION,)
 
-    def __init__(
-        self,
-        *,
-        nodes: Sequence[str],
-        machine: str,
-        solver: str,
-        quantities: Sequence[Quantity] = (CABLE_TENSION,),
-    ) -> None:
-        self.machine, self._solver = machine, solver
-        self._quantities = quantities
-        self.health = Health(nodes)
+    def __post_init__(self) -> None:
+        self.health = Health(self.nodes)
         self.control = ControlState()
         # Measured and commanded motion, and the curve lengths of each marker by its number.
         self.speeds: Trace = deque(maxlen=SAMPLES)
@@ -85,7 +77,7 @@ class ViewState:
     def begin_anew(self) -> None:
         """Forget the run and what was wound: the nodes are built for another."""
         self.clear()
-        self.health.forget(self._solver)
+        self.health.forget(self.solver)
 
     def clear(self) -> None:
         """Forget the run; health and camera stay."""
@@ -97,7 +89,7 @@ class ViewState:
         self._first_motion: tuple[float, float, float] | None = None
         self.axes: AxisReading | None = None
         self.setpoints: AxisReading | None = None
-        self.measured = dict.fromkeys(self._quantities, NAN)  # In SI units
+        self.measured = dict.fromkeys(self.quantities, NAN)  # In SI units
         self.others: dict[str, str] = {}  # Topics without a part of the page, as text
         self.picture = b""  # The newest preview, JPEG
         self.votes: dict[int, float] = {}  # Share by case number, best first
@@ -107,8 +99,7 @@ class ViewState:
         self.ahead: Markers = np.zeros(0, MARKER_DTYPE)
         self.corrected: Markers = np.zeros(0, CORRECTED_DTYPE)
         self.cable: NDArray[np.void] = np.zeros(0, CABLE_DTYPE)
-        self.lay: LayRecords = np.zeros(0, LAY_DTYPE)
-        self.lay_time = self.picture_time = NAN  # [s]
+        self.lay: LayRecords = np.zeros(0, LAY_DTYPE)  # Measured
         self.advance = NAN  # Of the commanded helix [m/rad]
         self.times = dict.fromkeys(SOURCES, NAN)  # Newest of each source and sensor [s]
         self.control.clear()
@@ -160,9 +151,9 @@ class ViewState:
     @property
     def label(self) -> WoundLabel | None:
         """What is wound, as the solver reports it; None before, and while it is taken down."""
-        if not self.health.works(self._solver):
+        if not self.health.works(self.solver):
             return None
-        return WoundLabel.from_values(self.health.values(self._solver))
+        return WoundLabel.from_values(self.health.values(self.solver))
 
     @property
     def moving(self) -> bool:
@@ -226,19 +217,14 @@ class ViewState:
         self.time = t
         self.axes = reading
 
-    def note_picture(self, t: float, jpeg: bytes) -> None:
-        """Take a preview picture."""
-        self.picture_time, self.picture = t, jpeg
-
-    def note_source(self, name: str, t: float, records: NDArray[np.void]) -> None:
-        """Take the newest records of one of SOURCES, of time t [s]."""
+    def note_source(self, name: str, t: float, content: object) -> None:
+        """Take the newest content of an attribute such as one of SOURCES, of time t [s]."""
         self.times[name] = t
-        setattr(self, name, records)
+        setattr(self, name, content)
 
     def note_measured(self, quantity: Quantity, t: float, value: float) -> None:
         """Take a sensor's value at time t [s], in SI units."""
         self.measured[quantity] = value
-        self.times.setdefault(quantity.name, NAN)
         self.times[quantity.name] = t
 
     def note_other(self, name: str, content: object) -> None:
@@ -252,10 +238,6 @@ class ViewState:
         """
         behind = self.time - self.times.get(name, NAN)
         return behind if behind > _OLD else 0.0
-
-    def note_lay(self, t: float, lay: LayRecords) -> None:
-        """Take the measured lay, records of LAY_DTYPE, of time t [s]."""
-        self.lay_time, self.lay = t, lay
 
     def note_votes(self, votes: Mapping[int, float]) -> None:
         """Take the shares of votes by case number."""

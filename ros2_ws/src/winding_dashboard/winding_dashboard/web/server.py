@@ -58,8 +58,7 @@ def application(
     return Starlette(
         routes=[
             Route("/", pages.page),
-            Route("/page.css", pages.style),
-            Route("/page.js", pages.script),
+            *(Route(f"/{name}", pages.data) for name in ("page.css", "page.js")),
             Route("/snapshot", pages.snapshot),
             *(Route(f"/{name}", pages.act, methods=["POST"]) for name in pages.actions),
             Route("/runs/{path:path}", pages.report),
@@ -117,11 +116,9 @@ class _Pages:
     async def page(self, _: Request) -> Response:
         return HTMLResponse(self._page, headers={"Cache-Control": "no-store"})
 
-    async def style(self, _: Request) -> Response:
-        return FileResponse(_DATA / "page.css", headers={"Cache-Control": "no-cache"})
-
-    async def script(self, _: Request) -> Response:
-        return FileResponse(_DATA / "page.js", headers={"Cache-Control": "no-cache"})
+    async def data(self, request: Request) -> Response:
+        path = _DATA / request.url.path[1:]
+        return FileResponse(path, headers={"Cache-Control": "no-cache"})
 
     async def snapshot(self, request: Request) -> Response:
         try:

@@ -22,7 +22,7 @@ from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import GraphError
 from winding_ros.services import Service
-from winding_ros.topic import Topic
+from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.standing_axes import joint_sample, standing_axes
 from winding_supervisor.machines.watch_clock import WatchClock
 
@@ -63,7 +63,7 @@ class ExternalMachineConfig:
     lead: float = 0.0  # Way by which a controlled carriage goes ahead of the cable at first [m]
 
 
-class ExternalMachine:
+class ExternalMachine(Machine):
     """Reads a machine's encoders from the buffer of the run, and calls its driver's services.
 
     Args:
@@ -88,28 +88,21 @@ class ExternalMachine:
         buffer: RunBuffer,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        camera = (topics.CAMERA_INFO,) if config.camera else ()
+        super().__init__(client, buffer, topics.JOINT_STATES, topics.TENSION, *camera)
         self.axes = config.axes
         self.began: float | None = None
-        self.end: float | None = None
-        self.sensors: tuple[Topic, ...] = (topics.JOINT_STATES, topics.TENSION)
-        if config.camera:
-            self.sensors += (topics.CAMERA_INFO,)
         self._config = config
-        self._client = client
-        self._buffer = buffer
         self._clock = clock
         self._reader = AxisReader(self.axes)
-        self._reading: tuple[float, AxisReading] | None = None
+        # Both axes, as the newest encoder sample has them, and its stamp [s].
+        self.reading: AxisReading | None = None
+        self._read_at = -math.inf
         self._seen_ns = 0
         self._still_since: float | None = None
         self._wrong = ""
         self._looks = WatchClock()
         self._heard = 0.0
-
-    @property
-    def t(self) -> float:
-        """Stamp of the newest encoder sample [s]."""
-        return max(self._buffer.last_stamp(topics.JOINT_STATES), 0.0)
 
     @property
     def when(self) -> str:
@@ -177,14 +170,7 @@ class ExternalMachine:
 
     @property
     def _rested(self) -> float:
-        if self._still_since is None or self._reading is None:
-            return 0.0
-        return self._reading[0] - self._still_since
-
-    @property
-    def reading(self) -> AxisReading | None:
-        """Both axes, as the newest encoder sample has them."""
-        return None if self._reading is None else self._reading[1]
+        return 0.0 if self._still_since is None else self._read_at - self._still_since
 
     def parameters(self) -> Mapping[str, object]:
         """Return the axes as the nodes are to read them."""
@@ -196,7 +182,7 @@ class ExternalMachine:
         for message in self._unseen():
             self._heard = now
             sample = joint_sample(message, self.axes)
-            if sample is not None and (self._reading is None or sample.t > self._reading[0]):
+            if sample is not None and sample.t > self._read_at:
                 self._take(sample)
 
     @property
@@ -216,7 +202,7 @@ class ExternalMachine:
 
     def _take(self, sample: JointSample) -> None:
         reading = self._reader.read(sample)
-        self._reading = (sample.t, reading)
+        self.reading, self._read_at = reading, sample.t
         if self.began is None and has_moved(reading):
             self.began = sample.t
         if self.began is None:
@@ -237,7 +223,7 @@ class ExternalMachine:
         self.look()
         if self._wrong:
             return f"show that {self._wrong}"
-        if self._reading is not None and self._silent > _SILENCE:
+        if self.reading is not None and self._silent > _SILENCE:
             return f"are silent for {self._silent:.1f} s"
         return ""
 
@@ -254,7 +240,8 @@ class ExternalMachine:
         self._buffer.axes = self.axes
         self._buffer.origin = math.inf
         self._reader = AxisReader(self.axes)
-        self._reading, self._heard = None, self._looks.look(self._clock())
+        self.reading, self._read_at = None, -math.inf
+        self._heard = self._looks.look(self._clock())
         newest = self._buffer.last(topics.JOINT_STATES)
         self._seen_ns = 0 if newest is None else newest.received_ns
 

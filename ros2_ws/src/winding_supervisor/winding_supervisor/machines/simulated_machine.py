@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from std_srvs.srv import Trigger
 
 from winding_core.machine.incoming_readings import stands
-from winding_core.run_outcome import Cause, Motion
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient
@@ -15,14 +12,17 @@ from winding_ros.client.lifecycle import START_TIMEOUT
 from winding_ros.graph import GraphError
 from winding_ros.messages.rig import decode_joint_state
 from winding_ros.messages.serialised import MessageError, deserialised
-from winding_ros.topic import Topic
+from winding_supervisor.machines.machine import Machine
 
 _MOVING = ("winding", "stopping")
 _STOP_TIMEOUT = 2.0
 
 
-class SimulatedMachine:
-    """The rig node of this graph.
+_SENSORS = (topics.CLOCK, topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INFO)
+
+
+class SimulatedMachine(Machine):
+    """The rig node of this graph; its axes begin at zero, in radians and metres.
 
     Args:
         client: Has the newest diagnostics; calls its services.
@@ -31,23 +31,11 @@ class SimulatedMachine:
     """
 
     name = topics.RIG
-    sensors: tuple[Topic, ...] = (
-        topics.CLOCK,
-        topics.JOINT_STATES,
-        topics.TENSION,
-        topics.CAMERA_INFO,
-    )
     simulated = True
 
     def __init__(self, client: AsyncClient, buffer: RunBuffer, duration: float) -> None:
-        self.end: float | None = duration
-        self._client = client
-        self._buffer = buffer
-
-    @property
-    def t(self) -> float:
-        """Simulated time of the newest encoder sample [s]."""
-        return max(self._buffer.last_stamp(topics.JOINT_STATES), 0.0)
+        super().__init__(client, buffer, *_SENSORS)
+        self.end = duration
 
     @property
     def when(self) -> str:
@@ -76,42 +64,11 @@ class SimulatedMachine:
             return self._client.status(topics.RIG) is not None and not self.moving
         return stands(reading)
 
-    @property
-    def motion(self) -> Motion:
-        """Standing: its drives end with its process, and its time with its run."""
-        return Motion.STANDING
-
-    @property
-    def early(self) -> Cause | None:
-        """None: its time ends with its run."""
-        return None
-
-    def remark(self) -> str:
-        """Return nothing: its diagnostics tell of it."""
-        return ""
-
-    def parameters(self) -> Mapping[str, object]:
-        """Return nothing: its axes begin at zero, in radians and metres."""
-        return {}
-
     def complaint(self) -> str:
         """Return why it has stopped by itself, to follow its name, or nothing."""
         status = self._client.status(topics.RIG)
         stopped = status is not None and status.values.get("reason")
         return f"is in {status.message}" if status is not None and stopped else ""
-
-    async def stand(self) -> None:
-        """Return at once: its node is started with the others, and stands."""
-
-    async def ready(self) -> None:
-        """Return at once: time waits for its start."""
-
-    async def begun(self) -> None:
-        """Return at once: time begins with its start."""
-
-    async def leave(self) -> str | None:
-        """Return None: its node brings it to rest when it ends."""
-        return None
 
     async def start(self) -> None:
         """Start or resume.

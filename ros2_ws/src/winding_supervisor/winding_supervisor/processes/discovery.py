@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable, Collection, Iterable
+from dataclasses import dataclass
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
-from winding_ros.graph import NodeSpec, expected_subscribers
+from winding_ros.graph import GraphError, NodeSpec, expected_subscribers
 from winding_ros.message_guard import UNKNOWN_NODE, Rivals
 from winding_ros.runtime.endpoints import contestants
 from winding_ros.runtime.heartbeat import heartbeat_topic
@@ -23,26 +24,21 @@ _EXTERNAL_PATIENCE = 5.0
 _POLL = 0.02
 
 
+@dataclass(eq=False)
 class Discovery:
     """Compares the subscriber counts of publishers with what the graph promises.
 
     A publisher knows how many subscribers it has, not who they are. Those from outside the
     graph, such as an operator's page, are counted out: they must not stand for a node that is
     missing still.
-
-    Args:
-        client: Knows the counts that nodes report, and who subscribes.
-        recorded: Topics that the recorder listens to.
-        graph: The nodes.
     """
 
-    def __init__(
-        self, client: AsyncClient, recorded: frozenset[str], graph: tuple[NodeSpec, ...]
-    ) -> None:
-        self._client = client
-        self._recorded = recorded
-        self._graph = graph
-        self._nodes = frozenset(spec.name for spec in graph)
+    client: AsyncClient  # Knows the counts that nodes report, and who subscribes
+    recorded: frozenset[str]  # Topics that the recorder listens to
+    graph: tuple[NodeSpec, ...]  # The nodes
+
+    def __post_init__(self) -> None:
+        self._nodes = frozenset(spec.name for spec in self.graph)
 
     async def complete(self, down: Callable[[], Collection[str]] = frozenset) -> None:
         """Wait until no subscriber is missing.
@@ -51,14 +47,14 @@ class Discovery:
             down: Returns which nodes are down now; they are not waited for.
 
         Raises:
-            TimeoutError: Who is missing, as a sentence.
+            GraphError: Who is missing, as a sentence.
         """
         begin = time.monotonic()
         while missing := self.missing(
             external=time.monotonic() - begin < _EXTERNAL_PATIENCE, down=down()
         ):
             if time.monotonic() - begin > PATIENCE:
-                raise TimeoutError(
+                raise GraphError(
                     f"not every subscriber found its publisher in {PATIENCE:g} s: {missing[0]}"
                 )
             await asyncio.sleep(_POLL)
@@ -71,10 +67,10 @@ class Discovery:
             down: Nodes that neither publish nor subscribe now.
         """
         found = []
-        up = tuple(spec for spec in self._graph if spec.name not in down)
-        for node, counts in expected_subscribers(self._recorded, up).items():
+        up = tuple(spec for spec in self.graph if spec.name not in down)
+        for node, counts in expected_subscribers(self.recorded, up).items():
             for topic, count in counts.items():
-                matched = self._client.matched(node, topic)
+                matched = self.client.matched(node, topic)
                 if matched < count or (external and matched < count + self._outsiders(topic)):
                     found.append(f"{node} {topic} has {matched} of {count} subscribers")
         return found
@@ -82,8 +78,8 @@ class Discovery:
     def _outsiders(self, name: str) -> int:
         topic = next(topic for topic in topics.TOPICS if topic.name == name)
         # A recorder that takes pictures on demand comes and goes, too.
-        own = self._nodes | {topics.RECORDER} if name in self._recorded else self._nodes
-        return outsiders(self._client, topic, own)
+        own = self._nodes | {topics.RECORDER} if name in self.recorded else self._nodes
+        return outsiders(self.client, topic, own)
 
 
 def outsiders(client: AsyncClient, topic: Topic, own: Collection[str]) -> int:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, fields
+from typing import ClassVar
 
 from lifecycle_msgs.msg import State
 
@@ -15,26 +17,17 @@ from winding_supervisor.processes.node_process import NodeProcess
 _RETURN_TIMEOUT = 30.0
 
 
+@dataclass(eq=False)
 class AttachedNode:
-    """A node that runs elsewhere, such as in a container: it is neither started nor ended here.
+    """A node that runs elsewhere, such as in a container: it is neither started nor ended here."""
 
-    Args:
-        spec: Which node.
-        driver: Sets its state and its parameters.
-        parameters: What it is to be run with.
-    """
-
-    def __init__(
-        self, spec: NodeSpec, driver: LifecycleDriver, parameters: Mapping[str, object]
-    ) -> None:
-        self.spec = spec
-        self.started = False
-        self.return_code: int | None = None
-        # Without its process to look at, silence is the only sign of a hang.
-        self.stopped = True
-        self._driver = driver
-        self._parameters = dict(parameters)
-        self._declared = {field.name for field in fields(parameters_of(spec))} | {"use_sim_time"}
+    spec: NodeSpec  # Which node
+    driver: LifecycleDriver  # Sets its state and its parameters
+    parameters: Mapping[str, object]  # What it is to be run with
+    started: ClassVar = False
+    return_code: ClassVar[int | None] = None  # It does not end for this process
+    # Without its process to look at, silence is the only sign of a hang.
+    stopped: ClassVar = True
 
     @property
     def pid(self) -> int:
@@ -62,7 +55,10 @@ class AttachedNode:
         return 0
 
     async def stop(self) -> int:
-        """Leave the process alone; a detached node waits for the next run."""
+        """Leave the process alone; a detached node waits for the next run, unconfigured."""
+        # One that has gone is not waited for.
+        with contextlib.suppress(TimeoutError, GraphError):
+            await self.let_go()
         return 0
 
     async def refusal(self, patience: float) -> str:
@@ -81,10 +77,11 @@ class AttachedNode:
             TimeoutError: It does not answer.
         """
         await self.let_go()
-        unknown = sorted(set(self._parameters) - self._declared)
+        declared = {field.name for field in fields(parameters_of(self.spec))} | {"use_sim_time"}
+        unknown = sorted(set(self.parameters) - declared)
         if unknown:
             raise GraphError(f"{self.spec.name}: there is no parameter {unknown[0]!r}")
-        await self._driver.set_parameters(self.spec.name, self._parameters)
+        await self.driver.set_parameters(self.spec.name, self.parameters)
 
     async def let_go(self) -> None:
         """Bring the node back to unconfigured, from wherever it is.
@@ -95,7 +92,7 @@ class AttachedNode:
         """
         late = f"{self.spec.name} did not go back to unconfigured in {_RETURN_TIMEOUT:g} s"
         async with deadline(_RETURN_TIMEOUT, late):
-            await self._driver.take_down(self.spec.name)
+            await self.driver.take_down(self.spec.name)
 
 
 Member = NodeProcess | AttachedNode

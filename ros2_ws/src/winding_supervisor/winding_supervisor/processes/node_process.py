@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import collections
-import contextlib
 import os
 import signal
 import sys
@@ -34,20 +33,16 @@ _LINE_LIMIT = 8_192
 _ESCALATION = ((signal.SIGINT, 5.0), (signal.SIGTERM, 2.0), (signal.SIGKILL, 5.0))
 
 
+@dataclass(eq=False)
 class NodeProcess:
     """A node in a process of its own, with its output in a file."""
 
-    def __init__(
-        self,
-        spec: NodeSpec,
-        arguments: Sequence[str],
-        environment: Mapping[str, str],
-        log: Path,
-    ) -> None:
-        self.spec = spec
-        self._arguments = list(arguments)
-        self._environment = dict(environment)
-        self._log = log
+    spec: NodeSpec  # Which node
+    arguments: Sequence[str]  # Behind those of its command
+    environment: Mapping[str, str]  # Of the process
+    log: Path  # File of its output
+
+    def __post_init__(self) -> None:
         self._complaints: collections.deque[str] = collections.deque(maxlen=200)
         self._complained = asyncio.Event()
         self._process: asyncio.subprocess.Process | None = None
@@ -100,8 +95,8 @@ class NodeProcess:
         self._process = await asyncio.create_subprocess_exec(
             sys.executable,
             *self.spec.command,
-            *self._arguments,
-            env=self._environment,
+            *self.arguments,
+            env=self.environment,
             stdin=asyncio.subprocess.DEVNULL,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.STDOUT,
@@ -116,19 +111,16 @@ class NodeProcess:
 
     async def kill(self) -> int:
         """End the process at once, whatever state it is in; return its exit code."""
-        assert self._process is not None
-        if self._process.returncode is None:
-            with contextlib.suppress(ProcessLookupError):
-                os.killpg(self._process.pid, signal.SIGKILL)
-        code = await self._process.wait()
-        if self._reader is not None:
-            await self._reader
-        return code
+        return await self.stop(_ESCALATION[-1:])
 
-    async def stop(self) -> int:
-        """End the process, ever more firmly; return its exit code."""
+    async def stop(self, signals: Sequence[tuple[signal.Signals, float]] = _ESCALATION) -> int:
+        """End the process, ever more firmly; return its exit code.
+
+        Args:
+            signals: Each with how long it is waited for before the next one is sent [s].
+        """
         assert self._process is not None
-        for number, patience in _ESCALATION:
+        for number, patience in signals:
             if self._process.returncode is not None:
                 break
             try:
@@ -167,14 +159,14 @@ class NodeProcess:
     async def _read(self) -> None:
         assert self._process is not None
         assert self._process.stdout is not None
-        file = self._log.open("ab")
+        file = self.log.open("ab")
         begun = b""
         try:
             while chunk := await self._process.stdout.read(_CHUNK):
                 if file.tell() + len(chunk) > LOG_LIMIT:
                     file.close()
-                    self._log.replace(self._log.with_suffix(".log.1"))
-                    file = self._log.open("ab")
+                    self.log.replace(self.log.with_suffix(".log.1"))
+                    file = self.log.open("ab")
                 file.write(chunk)
                 file.flush()
                 *lines, begun = (begun + chunk).split(b"\n")

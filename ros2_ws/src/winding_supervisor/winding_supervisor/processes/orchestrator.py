@@ -12,7 +12,6 @@ from typing import Any
 
 from winding_core.compile_progress import COMPILING
 from winding_core.parameters import declarations
-from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.client.lifecycle import (
     ACTIVATE,
@@ -25,6 +24,7 @@ from winding_ros.client.lifecycle import (
 )
 from winding_ros.graph import GRAPH, GraphError, NodeSpec, parameters_of, without_replay
 from winding_ros.runtime.parameter_files import parameters_for
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.processes.discovery import PATIENCE, Discovery
 from winding_supervisor.processes.members import AttachedNode, Member, configure, exit_error
 from winding_supervisor.processes.node_process import node_process
@@ -53,29 +53,23 @@ class GraphConfig:
     sim_time: bool = True  # Whether the nodes' time is the simulated machine's
 
 
+@dataclass(eq=False)
 class Orchestrator:
-    """Runs one graph; every wait is for a state, none for a time.
+    """Runs one graph; every wait is for a state, none for a time."""
 
-    Args:
-        config: How it is run.
-        client: Calls its services and hears its diagnostics.
-        tell: Takes a sentence now and then while nodes compile.
-    """
+    config: GraphConfig  # How it is run
+    client: AsyncClient  # Calls its services and hears its diagnostics
+    # Takes a sentence now and then while nodes compile
+    tell: Callable[[str], object] = lambda sentence: None
 
-    def __init__(
-        self,
-        config: GraphConfig,
-        client: AsyncClient,
-        tell: Callable[[str], object] = lambda sentence: None,
-    ) -> None:
-        self.config = config
-        self._client = client
-        self._tell = tell
+    def __post_init__(self) -> None:
         self._narrated = ""
-        self._transitions = LifecycleDriver(client, config.namespace, self._reason, self._work)
-        self.processes: list[Member] = [self._process(spec) for spec in config.graph]
+        self._transitions = LifecycleDriver(
+            self.client, self.config.namespace, self._reason, self._work
+        )
+        self.processes: list[Member] = [self._process(spec) for spec in self.config.graph]
         self._active: set[str] = set()
-        self._matching = Discovery(client, config.recorded, config.graph)
+        self._matching = Discovery(self.client, self.config.recorded, self.config.graph)
         # What the nodes were found to be set to, for those that are started again.
         self._adopted: dict[str, dict[str, object]] = {}
 
@@ -92,7 +86,7 @@ class Orchestrator:
                 self._transitions.change(process.spec.name, ACTIVATE, START_TIMEOUT)
             )
             self._active.add(process.spec.name)
-        await self._while_alive(self._matched())
+        await self._while_alive(self._matching.complete(self.down))
 
     def process(self, name: str) -> Member:
         """Return a node's present process."""
@@ -145,25 +139,21 @@ class Orchestrator:
         await self._while_alive(self._transitions.change(name, ACTIVATE, CONFIGURE_TIMEOUT), [new])
         self._active.add(name)
 
-    async def rematch(self, names: Collection[str]) -> frozenset[str]:
+    async def rematch(self, names: Collection[str]) -> None:
         """Wait until the graph has forgotten killed processes and matches their successors.
 
         A node that is down meanwhile is not waited for: its own restart matches it.
-
-        Returns:
-            Names of the nodes that are down; the machine goes on when they are up again.
 
         Raises:
             GraphError: A subscriber among those that are up does not find its publisher.
             TimeoutError: The graph does not forget.
         """
         async with deadline(PATIENCE, f"the graph does not forget a killed {', '.join(names)}"):
-            while any(self._client.present(name) != 1 for name in set(names) - self.down()):
+            while any(self.client.present(name) != 1 for name in set(names) - self.down()):
                 await asyncio.sleep(_POLL)
         # Each process forgets for itself, a little earlier or later than this one.
         await asyncio.sleep(_FORGETTING)
-        await self._matched()
-        return self.down()
+        await self._matching.complete(self.down)
 
     def down(self) -> frozenset[str]:
         """Return the names of the nodes that have ended, or are not active."""
@@ -198,27 +188,18 @@ class Orchestrator:
         fresh = without_replay(self.config.graph)
         values = {name: {**parameters.get(name, {}), **fresh.get(name, {})} for name in self._names}
         await self._while_alive(self._transitions.rebuild(self._names, values, lambda _: None))
-        await self._while_alive(self._matched())
+        await self._while_alive(self._matching.complete(self.down))
 
     @property
     def _names(self) -> tuple[str, ...]:
         return tuple(process.spec.name for process in self.processes)
 
-    async def begin_anew(self) -> None:
-        """Let every node but the rig begin a new run: what it knew of the last one is gone."""
-        names = (spec.name for spec in self.config.graph if spec.name != topics.RIG)
-        await self._while_alive(self._transitions.renew(names))
-
     async def first_death(self, among: Sequence[Member] = ()) -> Member:
         """Wait until a process ends, of some or of all; return it."""
-        watched = among or self.processes
-        tasks = {asyncio.create_task(process.ended()): process for process in watched}
-        try:
+        watched = tuple(among or self.processes)
+        async with beside(*(process.ended() for process in watched)) as tasks:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for task in tasks:
-                task.cancel()
-        return tasks[done.pop()]
+        return watched[tasks.index(done.pop())]
 
     async def stop(self) -> None:
         """Stop every process: the active ones in order, the rig first, then the others at once."""
@@ -226,12 +207,7 @@ class Orchestrator:
             if process.return_code is not None or process.spec.name not in self._active:
                 continue
             await self._transitions.request(process.spec.name, DEACTIVATE, _FAREWELL_PATIENCE)
-            if isinstance(process, AttachedNode):
-                # One that has gone is not waited for.
-                with contextlib.suppress(TimeoutError, GraphError):
-                    await process.let_go()
-            else:
-                await process.stop()
+            await process.stop()
         await asyncio.gather(*(process.stop() for process in self.processes if process.started))
 
     async def kill(self) -> None:
@@ -266,7 +242,7 @@ class Orchestrator:
         return self.process(name).work(), self._compiling(name)
 
     def _compiling(self, name: str) -> str:
-        status = self._client.status(name)
+        status = self.client.status(name)
         return status.values.get(COMPILING, "") if status else ""
 
     def _narrate(self) -> None:
@@ -274,23 +250,15 @@ class Orchestrator:
         sentence = ", ".join(f"{name} {share}" for name, share in found.items())
         if sentence and sentence != self._narrated:
             self._narrated = sentence
-            self._tell(f"compiling kernels (first start only): {sentence}")
+            self.tell(f"compiling kernels (first start only): {sentence}")
 
     async def _configure_all(self) -> None:
         await asyncio.gather(*(configure(self._transitions, process) for process in self.processes))
 
-    async def _matched(self) -> None:
-        try:
-            await self._matching.complete(self.down)
-        except TimeoutError as error:
-            raise GraphError(str(error)) from None
-
     async def _while_alive(
         self, work: Coroutine[Any, Any, Any], among: Sequence[Member] = ()
     ) -> None:
-        task = asyncio.create_task(work)
-        death = asyncio.create_task(self.first_death(among))
-        try:
+        async with beside(work, self.first_death(among)) as (task, death):
             ended: set[asyncio.Task[Any]] = set()
             while not ended:
                 ended, _ = await asyncio.wait(
@@ -300,10 +268,7 @@ class Orchestrator:
             if task.done():
                 task.result()
                 return
-            dead = death.result()
-        finally:
-            task.cancel()
-            death.cancel()
+            dead: Member = death.result()
         # Its output may still be on its way through the pipe.
         await dead.stop()
         raise exit_error(dead)

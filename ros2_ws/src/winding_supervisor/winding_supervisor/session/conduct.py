@@ -56,14 +56,21 @@ class Conduct:
         """Why its end is not the one that was asked for; None where it is, or is not reached."""
         return self._machine.early
 
-    def closed(self, t: float) -> Cause:
-        """Return why a run is over that has come to this time [s] when the session is ended."""
-        if self.operated:
-            return self.reset(t, "the operator ended the session")
-        return Cause(by=EndedBy.SIGNAL, source="SIGINT", text="SIGINT came", t=t)
+    def over(self, t: float, *, closed: bool) -> Cause | None:
+        """Return why a run is over that supervision has not ended.
 
-    def reset(self, t: float, text: str = "reset by the operator") -> Cause:
-        """Return why a run is over that the operator has ended at this time [s]."""
+        Args:
+            t: When [s].
+            closed: Whether the session is closed.
+
+        Returns:
+            None for a run that came to its end.
+        """
+        if not closed and self.end is not None:
+            return self.early
+        if closed and not self.operated:
+            return Cause(by=EndedBy.SIGNAL, source="SIGINT", text="SIGINT came", t=t)
+        text = "the operator ended the session" if closed else "reset by the operator"
         return Cause(by=EndedBy.OPERATOR, source="dashboard", text=text, t=t)
 
     async def begun(self) -> None:

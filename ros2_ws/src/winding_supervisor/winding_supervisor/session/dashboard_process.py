@@ -15,6 +15,7 @@ from winding_core.status import Level, RunPhase
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.graph import PAGE, GraphError
 from winding_ros.runtime.heartbeat import Sign
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.processes.members import exit_error
 from winding_supervisor.processes.node_process import Backoff, NodeProcess, node_process
 from winding_supervisor.watch.event_log import EventLog
@@ -47,30 +48,20 @@ class DashboardConfig:
         return f"http://{f'[{host}]' if ':' in host else host}:{port}/"
 
 
+@dataclass(eq=False)
 class DashboardProcess:
     """Starts the page's process, and starts it again when it ends or hangs.
 
     The machine is not stopped for it: the page is not the only stop, and a machine that stops
     whenever a web server does would lose runs for nothing.
-
-    Args:
-        config: What to run.
-        client: The orchestrator's node.
-        log: Where events go.
-        clock: Simulated time [s], for the log.
     """
 
-    def __init__(
-        self,
-        config: DashboardConfig,
-        client: AsyncClient,
-        log: EventLog,
-        clock: Callable[[], float],
-    ) -> None:
-        self._config = config
-        self._client = client
-        self._log = log
-        self._clock = clock
+    config: DashboardConfig  # What to run
+    client: AsyncClient  # The orchestrator's node
+    log: EventLog  # Where events go
+    clock: Callable[[], float]  # Simulated time [s], for the log
+
+    def __post_init__(self) -> None:
         self._backoff = Backoff()
         self._misses = 0
         self._heard = False
@@ -78,14 +69,9 @@ class DashboardProcess:
         self._process = self._new()
 
     @property
-    def url(self) -> str:
-        """What a browser is given."""
-        return self._config.url
-
-    @property
     def limits(self) -> OperatorLimits | None:
         """The limits that its operator set last; None before the page has reported any."""
-        status = self._client.status(f"{PAGE.name}: {COMPONENT}")
+        status = self.client.status(f"{PAGE.name}: {COMPONENT}")
         return None if status is None else OperatorLimits.from_values(status.values)
 
     @property
@@ -100,7 +86,7 @@ class DashboardProcess:
             GraphError: It ended before.
             TimeoutError: It does not answer.
         """
-        self._client.watch(PAGE.name, self._note_sign)
+        self.client.watch(PAGE.name, self._note_sign)
         await self._process.start()
         await self._served()
 
@@ -134,14 +120,10 @@ class DashboardProcess:
         Raises:
             GraphError: As in `keep`.
         """
-        keeping, ending = asyncio.create_task(self.keep()), asyncio.create_task(ended.wait())
-        try:
+        async with beside(self.keep(), ended.wait()) as (keeping, ending):
             await asyncio.wait({keeping, ending}, return_when=asyncio.FIRST_COMPLETED)
             if keeping.done():
                 keeping.result()
-        finally:
-            keeping.cancel()
-            ending.cancel()
 
     async def stop(self) -> None:
         """End the page, if it was started."""
@@ -154,23 +136,20 @@ class DashboardProcess:
             await self._process.kill()
 
     def _new(self) -> NodeProcess:
-        config = self._config
+        config = self.config
         set_on_page = {} if self.limits is None else vars(self.limits)
         parameters = {**config.parameters, **set_on_page}
         return node_process(PAGE, config.namespace, config.log_directory, parameters)
 
     async def _served(self) -> None:
-        ended = asyncio.create_task(self._process.ended())
         try:
-            async with asyncio.timeout(_START_TIMEOUT):
+            async with beside(self._process.ended()) as (ended,), asyncio.timeout(_START_TIMEOUT):
                 while not await self._answers():
                     if ended.done():
                         raise exit_error(self._process)
                     await asyncio.sleep(_POLL)
         except TimeoutError:
-            raise TimeoutError(f"no page at {self._config.url} in {_START_TIMEOUT:g} s") from None
-        finally:
-            ended.cancel()
+            raise TimeoutError(f"no page at {self.config.url} in {_START_TIMEOUT:g} s") from None
 
     async def _comes(self) -> bool:
         """Return whether a page that was started again is served; `keep` deals with its end."""
@@ -182,7 +161,7 @@ class DashboardProcess:
 
     async def _answers(self) -> bool:
         try:
-            _, writer = await asyncio.open_connection(*self._config.address)
+            _, writer = await asyncio.open_connection(*self.config.address)
         except OSError:
             return False
         writer.close()
@@ -192,14 +171,9 @@ class DashboardProcess:
 
     async def _failure(self) -> str:
         """Wait until the process ends or hangs; return what became of it."""
-        ended = asyncio.create_task(self._process.ended())
-        hung = asyncio.create_task(self._hung.get())
-        try:
+        async with beside(self._process.ended(), self._hung.get()) as (ended, hung):
             await asyncio.wait({ended, hung}, return_when=asyncio.FIRST_COMPLETED)
-            return f"ended with exit code {ended.result()}" if ended.done() else hung.result()
-        finally:
-            ended.cancel()
-            hung.cancel()
+            return f"ended with exit code {ended.result()}" if ended.done() else str(hung.result())
 
     def _note_sign(self, sign: Sign) -> None:
         if sign is Sign.ALIVE:
@@ -215,7 +189,7 @@ class DashboardProcess:
             self._hung.put_nowait(sign.value)
 
     def _note(self, what: str, text: str) -> None:
-        self._log.note(what, PAGE.name, text, t=self._clock())
+        self.log.note(what, PAGE.name, text, t=self.clock())
 
 
 async def outlive(
@@ -232,11 +206,8 @@ async def outlive(
     Raises:
         GraphError: The page failed, too.
     """
-    reporting = asyncio.create_task(_keep_reporting(failure, client))
-    try:
+    async with beside(_keep_reporting(failure, client)):
         await page.keep_until(ended)
-    finally:
-        reporting.cancel()
 
 
 async def _keep_reporting(failure: str, client: AsyncClient) -> None:

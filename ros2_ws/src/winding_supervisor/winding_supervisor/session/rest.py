@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from winding_core.run_outcome import Motion
 from winding_core.status import MACHINE_COMPONENT, Level
@@ -21,49 +22,43 @@ _AGAIN, _REMINDER = 2.0, 10.0
 _AT_RISK = (Motion.TURNING, Motion.UNKNOWN)
 
 
+@dataclass(eq=False)
 class Rest:
     """Ends the motion of a machine.
-
-    Args:
-        machine: Which.
-        log: Takes each stop and how it failed.
-        client: Publishes the state of a machine that may still move, for the operator's page.
-        report: Takes sentences for the terminal.
 
     Attributes:
         motion: What was last known of the machine.
         confirmed: Set when an operator confirms that the machine stands.
     """
 
-    def __init__(
-        self,
-        machine: Machine,
-        log: EventLog,
-        client: AsyncClient,
-        report: Callable[[str], None],
-    ) -> None:
-        self._machine, self._log, self._client, self._report = machine, log, client, report
+    machine: Machine  # Which
+    log: EventLog  # Takes each stop and how it failed
+    # Publishes the state of a machine that may still move, for the operator's page
+    client: AsyncClient
+    report: Callable[[str], None]  # Takes sentences for the terminal
+
+    def __post_init__(self) -> None:
         self.motion = Motion.STANDING
         self.confirmed = asyncio.Event()
 
     async def bring(self) -> str:
         """Leave the machine at rest; return why it may still move, or nothing."""
         self.confirmed.clear()
-        failure = await self._machine.leave()
+        failure = await self.machine.leave()
         if failure is None:
-            self.motion = self._machine.motion
-            if self.motion is Motion.UNKNOWN and not self._log.stops:
+            self.motion = self.machine.motion
+            if self.motion is Motion.UNKNOWN and not self.log.stops:
                 # Nothing has moved it in this run.
                 self.motion = Motion.STANDING
         else:
             self._note(failure)
-            self.motion = await self._stood() if not failure else self._machine.motion
+            self.motion = await self._stood() if not failure else self.machine.motion
         return self.danger
 
     @property
     def danger(self) -> str:
         """Why the machine may still move, or nothing."""
-        return self._log.ending(self.motion).danger
+        return self.log.ending(self.motion).danger
 
     async def hold(self, patience: float) -> None:
         """Ask again and again until the machine is seen standing, or an operator confirms it.
@@ -78,29 +73,29 @@ class Rest:
             if now - begin > patience:
                 return
             if now - reminded >= _REMINDER:
-                self._report(f"{self.danger}; stop it at the machine")
+                self.report(f"{self.danger}; stop it at the machine")
                 reminded = now
             if now - asked >= _AGAIN:
                 self._tell(Level.ERROR, self.danger)
-                self._note(await self._machine.quick_stop())
+                self._note(await self.machine.quick_stop())
                 asked = time.monotonic()
             await asyncio.sleep(_POLL)
-            self.motion = self._machine.motion
+            self.motion = self.machine.motion
         if self.motion is Motion.STANDING:
-            self._log.note("standing", topics.RIG, "both axes stand", t=self._machine.t)
-            self._report("the machine stands")
+            self.log.note("standing", topics.RIG, "both axes stand", t=self.machine.t)
+            self.report("the machine stands")
         self._tell(Level.OK, "")
 
     def _note(self, failure: str) -> None:
-        self._log.stop(self._machine.t, "session", failure)
+        self.log.stop(self.machine.t, "session", failure)
         if failure:
-            self._log.note("not stopped", topics.RIG, failure, t=self._machine.t)
+            self.log.note("not stopped", topics.RIG, failure, t=self.machine.t)
 
     async def _stood(self) -> Motion:
         end = time.monotonic() + _STAND_TIMEOUT
-        while self._machine.motion is not Motion.STANDING and time.monotonic() < end:
+        while self.machine.motion is not Motion.STANDING and time.monotonic() < end:
             await asyncio.sleep(_POLL)
-        return self._machine.motion
+        return self.machine.motion
 
     def _tell(self, level: Level, message: str) -> None:
-        self._client.tell(self._machine.t, level, MACHINE_COMPONENT, message, {})
+        self.client.tell(self.machine.t, level, MACHINE_COMPONENT, message, {})

@@ -175,7 +175,7 @@ class Run:
         page: DashboardProcess | None = None
         served = page_config(config, axes)
         if served is not None:
-            page = DashboardProcess(served, client, log, lambda: supervisor.t)
+            page = DashboardProcess(served, client, log, lambda: machine.t)
             stack.push_async_callback(page.kill)
             stack.push_async_callback(interruption.unless_hastened, page.stop)
         stack.push_async_callback(orchestrator.kill)
@@ -190,7 +190,9 @@ class Run:
         await machine.ready()
         if page is not None:
             await page.start()
-            report(f"operator's page: {page.url}  (Start is there; Ctrl-C here ends the run)")
+            report(
+                f"operator's page: {page.config.url}  (Start is there; Ctrl-C here ends the run)"
+            )
         if not machine.simulated:
             report(f"ready; Ctrl-C ends the {'run' if page is None else 'session'}")
         who = Participants(

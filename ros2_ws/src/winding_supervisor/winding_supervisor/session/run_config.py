@@ -29,6 +29,8 @@ from winding_ros.runtime.parameter_files import check_readable, declared_names, 
 from winding_supervisor.machines.external_machine import ExternalMachineConfig
 from winding_supervisor.session.domain_lock import chosen_domain
 
+# Parameters of those nodes that read the machine's axes.
+Axes = Mapping[str, object]
 # The machine stops when the orchestrator has given no sign of life for so long.
 _SUPERVISOR_TIMEOUT = 1.5
 
@@ -73,14 +75,8 @@ class RunConfig:
             return graph
         return composed(graph, spec.camera.compose if spec.external else SIMULATED_CAMERA)
 
-    def own_parameters(
-        self, axes: Mapping[str, object] | None = None
-    ) -> dict[str, dict[str, object]]:
-        """Return what the run itself sets, by node.
-
-        Args:
-            axes: Parameters of those nodes that read the machine's axes.
-        """
+    def own_parameters(self, axes: Axes | None = None) -> dict[str, dict[str, object]]:
+        """Return what the run itself sets, by node."""
         spec, found = self.spec, {}
         sections = ("camera", "tracking", "correction", "lay")
         asked = {**(axes or {}), **{k: v for name in sections for k, v in spec.asked(name).items()}}
@@ -121,12 +117,8 @@ class RunConfig:
             return {}
         return declared_names(parameters_for(file, f"/{self.spec.graph.namespace}/{node}"))
 
-    def parameters(self, axes: Mapping[str, object] | None = None) -> dict[str, dict[str, object]]:
-        """Return what every node is run with; the run's own values go over the file's.
-
-        Args:
-            axes: Parameters of those nodes that read the machine's axes.
-        """
+    def parameters(self, axes: Axes | None = None) -> dict[str, dict[str, object]]:
+        """Return what every node is run with; the run's own values go over the file's."""
         return {
             name: self.file_parameters(name) | own
             for name, own in self.own_parameters(axes).items()

@@ -29,7 +29,7 @@ from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.simulated_machine import SimulatedMachine
 from winding_supervisor.processes.orchestrator import GraphConfig
 from winding_supervisor.session.dashboard_process import DashboardConfig
-from winding_supervisor.session.run_config import RunConfig, parameter_notes
+from winding_supervisor.session.run_config import Axes, RunConfig, parameter_notes
 
 _PICTURES = (topics.IMAGE, topics.PREVIEW)
 
@@ -56,13 +56,8 @@ def new_machine(config: RunConfig, client: AsyncClient, buffer: RunBuffer) -> Ma
     return ExternalMachine(config.machine, client, buffer)
 
 
-def graph_config(config: RunConfig, axes: Mapping[str, object]) -> GraphConfig:
-    """Return what the graph's processes are run with.
-
-    Args:
-        config: Of the run.
-        axes: Parameters of those nodes that read the machine's axes.
-    """
+def graph_config(config: RunConfig, axes: Axes) -> GraphConfig:
+    """Return what the graph's processes are run with."""
     return GraphConfig(
         namespace=config.spec.graph.namespace,
         log_directory=config.log_directory,
@@ -75,13 +70,8 @@ def graph_config(config: RunConfig, axes: Mapping[str, object]) -> GraphConfig:
     )
 
 
-def page_config(config: RunConfig, axes: Mapping[str, object]) -> DashboardConfig | None:
-    """Return how the operator's page is served; None for a run without one.
-
-    Args:
-        config: Of the run.
-        axes: Parameters of those nodes that read the machine's axes.
-    """
+def page_config(config: RunConfig, axes: Axes) -> DashboardConfig | None:
+    """Return how the operator's page is served; None for a run without one."""
     if config.page is None:
         return None
     return DashboardConfig(
@@ -106,13 +96,13 @@ def _recorded(config: RunConfig) -> tuple[Topic, ...]:
 
 
 def describe_machine(
-    config: RunConfig, axes: Mapping[str, object], node: Node, report: Callable[[str], None]
+    config: RunConfig, axes: Axes, node: Node, report: Callable[[str], None]
 ) -> None:
     """Publish robot_description, latched, from the condition that the nodes are run with.
 
     Args:
         config: The run.
-        axes: Parameters of those nodes that read the machine's axes.
+        axes: As its nodes read them.
         node: Publishes it for as long as it lives.
         report: Takes the sentence when the machine has no URDF.
     """

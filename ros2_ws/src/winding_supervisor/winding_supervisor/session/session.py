@@ -19,6 +19,7 @@ from winding_core.status import OUTCOME_COMPONENT, Level, RunPhase
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.graph import GraphError
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.session.completion import Completion
 from winding_supervisor.session.conduct import Conduct
 from winding_supervisor.session.participants import Participants
@@ -66,28 +67,22 @@ class _Run:
         return (self.over or time.monotonic()) - self.since
 
 
+@dataclass(eq=False)
 class Session:
     """Follows one run, or run after run until the operator ends the session.
 
     Every run that was begun is left once: to `deliver` when it is over and another may follow, to
     `remains` when it is the last. The recorder's buffer keeps the present run alone.
-
-    Args:
-        who: Takes part.
-        conduct: How runs begin.
-        deliver: Takes a run of an operator that is over, in a thread of its own.
-        ready: Is called when another run may begin.
     """
 
-    def __init__(
-        self,
-        who: Participants,
-        conduct: Conduct,
-        deliver: Callable[[RunResult], RunOutcome | None],
-        ready: Callable[[], None],
-    ) -> None:
+    who: Participants  # Takes part
+    conduct: Conduct  # How runs begin
+    # Takes a run of an operator that is over, in a thread of its own
+    deliver: Callable[[RunResult], RunOutcome | None]
+    ready: Callable[[], None]  # Is called when another run may begin
+
+    def __post_init__(self) -> None:
         self.ended = asyncio.Event()  # Set when the operator ends the session
-        self._who, self._conduct, self._deliver, self._ready = who, conduct, deliver, ready
         self._run = _Run(since=time.monotonic())
         self._before: _Run | None = None
         self._undelivered: list[_Run] = []
@@ -106,7 +101,7 @@ class Session:
         Raises:
             GraphError, TimeoutError: It cannot go on.
         """
-        who, conduct = self._who, self._conduct
+        who, conduct = self.who, self.conduct
         work = [conduct.keep_reporting()] if conduct.operated else []
         if who.page is not None:
             work.append(who.page.keep())
@@ -130,19 +125,17 @@ class Session:
 
     async def _follow_run(self, view: View) -> None:
         """Follow the present run from waiting for it until every node has dealt with its end."""
-        who, conduct, run = self._who, self._conduct, self._run
+        who, conduct, run = self.who, self.conduct, self._run
         buffer = who.recorder.buffer
-        begun = asyncio.create_task(conduct.begun())
-        beside = [begun]
-        if not conduct.throughout:
-            beside.append(asyncio.create_task(who.supervisor.watch()))
+        watched = [] if conduct.throughout else [who.supervisor.watch()]
         completion: Completion | None = None
-        try:
+        async with beside(conduct.begun(), *watched) as tasks:
+            begun = tasks[0]
             while completion is None or not completion.reached(buffer, time.monotonic()):
                 if self.ended.is_set() or conduct.look():
                     break
                 for task in filter(
-                    None, (*beside, *self._beside, self._delivering, conduct.reading)
+                    None, (*tasks, *self._beside, self._delivering, conduct.reading)
                 ):
                     if task.done():
                         task.result()
@@ -159,38 +152,26 @@ class Session:
                 self._show(view)
                 await asyncio.sleep(_POLL)
             self._show(view, now=True)
-        finally:
-            for task in beside:
-                task.cancel()
         run.over = time.monotonic()
         if run.begun or not conduct.operated:
-            self._note_end()
+            cause = conduct.over(buffer.time, closed=self.ended.is_set())
+            if cause is not None:
+                who.log.end(cause)
 
     def _show(self, view: View, *, now: bool = False) -> None:
         if not now and time.monotonic() - self._shown < _VIEW_PERIOD:
             return
         self._shown = time.monotonic()
         shown = self._run if self._run.begun or self._before is None else self._before
-        view(self._who.recorder.buffer, shown.wall_s)
-        remark = self._who.machine.remark()
+        view(self.who.recorder.buffer, shown.wall_s)
+        remark = self.who.machine.remark()
         if remark and remark != self._remarked:
-            self._conduct.remark(remark)
+            self.conduct.remark(remark)
         self._remarked = remark
-
-    def _note_end(self) -> None:
-        """Note why a run is over that supervision has not ended."""
-        t = self._who.recorder.buffer.time
-        cause = self._conduct.early
-        if self.ended.is_set():
-            cause = self._conduct.closed(t)
-        elif self._conduct.end is None:
-            cause = self._conduct.reset(t)
-        if cause is not None:
-            self._who.log.end(cause)
 
     async def _change_over(self) -> None:
         """Bring the machine to rest, let the run be delivered, and wait until another may begin."""
-        who, conduct = self._who, self._conduct
+        who, conduct = self.who, self.conduct
         await who.rest.bring()
         conduct.enter(RunPhase.OVER)
         if self._run.begun and who.recorder.buffer.time > 0.0:
@@ -204,36 +185,31 @@ class Session:
             return
         if self._delivering is not None:
             await self._delivering
-        preparing = asyncio.create_task(conduct.made_ready())
-        ending = asyncio.create_task(self.ended.wait())
-        staying = asyncio.create_task(who.rest.hold(math.inf))
-        try:
+        work = conduct.made_ready(), self.ended.wait(), who.rest.hold(math.inf)
+        async with beside(*work) as (preparing, ending, _):
             awaited = [preparing, ending, *self._beside]
             await asyncio.wait(awaited, return_when=asyncio.FIRST_COMPLETED)
             for task in (*self._beside, preparing):
                 if task.done():
                     task.result()
-        finally:
-            for coming in (preparing, ending, staying):
-                coming.cancel()
         if not self.ended.is_set():
             self.tell_outcome(None)
             who.log.begin_run()
-            self._ready()
+            self.ready()
 
     def _close(self, cut: tuple[int, float] | None = None) -> None:
         """Take what the present run leaves."""
-        run, recorder, conduct = self._run, self._who.recorder, self._conduct
+        run, recorder, conduct = self._run, self.who.recorder, self.conduct
         run.over = run.over or time.monotonic()
         run.buffer = recorder.buffer.before(None if cut is None else cut[0])
         if conduct.reading is None or conduct.reading.done():
             run.wound = dict(conduct.wound)
-        run.ending = self._who.log.ending(self._who.rest.motion)
+        run.ending = self.who.log.ending(self.who.rest.motion)
         run.folders = tuple(recorder.bags.folders[self._bags :])
         if cut is not None and run.folders and not _has_begun(run.folders[-1]):
             run.folders = run.folders[:-1]
         self._bags += len(run.folders)
-        self._who.log.begin_run()
+        self.who.log.begin_run()
         self._undelivered.append(run)
         self._before = run
 
@@ -244,27 +220,27 @@ class Session:
         if run not in self._undelivered:
             return
         self._undelivered.remove(run)
-        outcome = await asyncio.to_thread(self._deliver, self._result(run))
+        outcome = await asyncio.to_thread(self.deliver, self._result(run))
         if not self._run.begun:
             self.tell_outcome(outcome)
-        if not self._conduct.throughout:
-            self._who.report(
+        if not self.conduct.throughout:
+            self.who.report(
                 "the run is over; Reset on the page begins the next, Ctrl-C here ends the session"
             )
 
     def remains(self) -> list[RunResult]:
         """Return, once, what runs leave that were not delivered."""
-        run, operated = self._run, self._conduct.operated
+        run, operated = self._run, self.conduct.operated
         # One that was followed to its end is whole although nothing may have moved in it.
         whole = not operated and run.over is not None
-        if whole or (run.begun and self._who.recorder.buffer.time > 0.0):
+        if whole or (run.begun and self.who.recorder.buffer.time > 0.0):
             self._close()
             self._run = _Run(since=time.monotonic())
         left, self._undelivered = self._undelivered, []
         return [self._result(run) for run in left]
 
     def _result(self, run: _Run) -> RunResult:
-        who = self._who
+        who = self.who
         assert run.buffer is not None
         return RunResult(
             buffer=run.buffer,
@@ -272,7 +248,7 @@ class Session:
             began=datetime.now(UTC) - timedelta(seconds=time.monotonic() - run.since),
             ending=run.ending,
             losses=self._losses(run),
-            wound=run.wound or dict(self._conduct.wound),
+            wound=run.wound or dict(self.conduct.wound),
             bags=tuple(folder for folder in run.folders if any(folder.glob("*.mcap"))),
             limits=None if who.page is None else who.page.limits,
             simulated=who.machine.simulated,
@@ -280,14 +256,14 @@ class Session:
         )
 
     def _losses(self, run: _Run) -> tuple[str, ...]:
-        recorder = self._who.recorder
+        recorder = self.who.recorder
         recording = f"the recording is incomplete: {recorder.error}" if recorder.error else ""
         gone = (f"the recording {folder} is gone" for folder in run.folders if not folder.exists())
-        return tuple(filter(None, (recording, *gone, *recorder.shortfalls, self._who.log.failure)))
+        return tuple(filter(None, (recording, *gone, *recorder.shortfalls, self.who.log.failure)))
 
     def tell_outcome(self, outcome: RunOutcome | None) -> None:
         """Publish the outcome of a run that is over; None once another run begins."""
-        client, t = self._who.client, self._who.machine.t
+        client, t = self.who.client, self.who.machine.t
         if outcome is None:
             client.tell(t, Level.OK, OUTCOME_COMPONENT, "no run is over", {})
             return

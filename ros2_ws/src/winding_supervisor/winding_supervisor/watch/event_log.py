@@ -82,13 +82,6 @@ class EventLog:
         self.stops = []
         self._first = len(self.events)
 
-    def find(self, what: str, node: str | None = None, since: float = 0.0) -> Event | None:
-        """Return the first event of a kind, of a node if one is named, after a wall time [s]."""
-        for event in self.events:
-            if event.what == what and event.wall >= since and node in (None, event.node):
-                return event
-        return None
-
     def _append(self, file: Path, event: Event) -> None:
         if file.exists() and file.stat().st_size > FILE_LIMIT:
             file.replace(file.with_name(f"{file.name}.1"))

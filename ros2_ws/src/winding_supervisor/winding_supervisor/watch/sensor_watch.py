@@ -6,29 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import median
 
-
-@dataclass(frozen=True, kw_only=True)
-class SensorWatchConfig:
-    """When a topic has fallen silent.
-
-    Attributes:
-        lag: Simulated time that a topic may lie behind the others [s]; readers may lag by 0.25 s
-            as a whole, topics among each other by less.
-        patience: Wall time for which it has to do so [s]; one that lies behind has to stand still
-            as well, for a busy machine or disk makes topics late without silencing them.
-    """
-
-    lag: float = 0.12
-    lead: float = 0.5  # Simulated time that a topic may lie ahead of the others [s]
-    patience: float = 2.0
-    standstill: float = 5.0  # Wall time without any progress of an awaited answer [s]
+# Simulated time that a topic may lie behind the others [s]; readers may lag by 0.25 s as a whole,
+# topics among each other by less.
+_LAG = 0.12
+# Simulated time that a topic may lie ahead of the others [s].
+_LEAD = 0.5
+# Wall time for which it has to do so [s]; one that lies behind has to stand still as well, for a
+# busy machine or disk makes topics late without silencing them.
+_PATIENCE = 2.0
+# Wall time without any progress of an awaited answer [s].
+_STANDSTILL = 5.0
 
 
 @dataclass(kw_only=True)
 class SensorWatch:
-    """Compares the newest stamps of one machine's topics; `config` has the limits."""
+    """Compares the newest stamps of one machine's topics."""
 
-    config: SensorWatchConfig = field(default_factory=SensorWatchConfig)
     _since: dict[str, tuple[float, float]] = field(default_factory=dict)
     _progress: dict[str, tuple[float, float]] = field(default_factory=dict)
 
@@ -44,8 +37,8 @@ class SensorWatch:
         """
         middle = median(sensors.values())
         for topic, stamp in sensors.items():
-            late = stamp < middle - self.config.lag
-            early = stamp > middle + self.config.lead
+            late = stamp < middle - _LAG
+            early = stamp > middle + _LEAD
             if not late and not early:
                 self._since.pop(topic, None)
                 continue
@@ -53,7 +46,7 @@ class SensorWatch:
             if late and stamp != seen:
                 since = now
             self._since[topic] = (stamp, since)
-            if now - since >= self.config.patience:
+            if now - since >= _PATIENCE:
                 if early:
                     return topic, f"is at {stamp:.3f} s while the machine is at {middle:.3f} s"
                 return topic, f"is silent since {stamp:.3f} s of simulated time"
@@ -69,9 +62,9 @@ class SensorWatch:
     ) -> tuple[str, str] | None:
         for topic, stamp in answers.items():
             last, since = self._progress.get(topic, (stamp, now))
-            if stamp != last or stamp >= middle - self.config.lag:
+            if stamp != last or stamp >= middle - _LAG:
                 last, since = stamp, now
             self._progress[topic] = (last, since)
-            if now - since >= self.config.standstill:
+            if now - since >= _STANDSTILL:
                 return topic, f"has brought nothing new since {stamp:.3f} s of simulated time"
         return None

@@ -23,6 +23,7 @@ from winding_ros.graph import GraphError, Policy
 from winding_ros.runtime.heartbeat import Sign
 from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.watch_clock import WatchClock
+from winding_supervisor.processes.beside import beside
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.processes.orchestrator import Orchestrator
@@ -34,6 +35,7 @@ _LOOK_PERIOD = 0.05
 _BEAT_PERIOD = 0.1
 _CENSUS_PERIOD = 0.25
 _LOAD_PERIOD = 1.0
+# The axes have so long to stand after a stop [s].
 _STAND_TIMEOUT = 3.0
 _STALLS = 2
 
@@ -53,6 +55,7 @@ class RunEndedError(GraphError):
     """Supervision has ended the run; the log has the cause."""
 
 
+@dataclass(eq=False)
 class Supervisor:
     """Supervises one run of a graph.
 
@@ -61,49 +64,28 @@ class Supervisor:
     merely gets no processor loses its liveliness too; the operating system knows the difference.
     Stamps show a silent sensor, the machine itself reports an implausible one. The machine is
     stopped before anything else is done.
-
-    Args:
-        orchestrator: Whose processes.
-        machine: What moves.
-        client: The orchestrator's node.
-        buffer: Messages of the graph so far.
-        log: Where events go.
-        replay: Writes the run's inputs so far and returns the parameters with which a node
-            replays them, by node.
-        operated: Whether an operator starts and stops the machine. Then supervision does
-            not start it, and ignores what nodes do while it stands.
-        stand_timeout: Wall time in which the axes have to stand after a stop [s].
-        backoff: Makes the count of restarts of one node.
     """
 
-    def __init__(
-        self,
-        orchestrator: Orchestrator,
-        machine: Machine,
-        client: AsyncClient,
-        buffer: RunBuffer,
-        log: EventLog,
-        replay: Mapping[str, Callable[[], dict[str, object]]],
-        *,
-        operated: bool = False,
-        stand_timeout: float = _STAND_TIMEOUT,
-        backoff: Callable[[], Backoff] = Backoff,
-    ) -> None:
-        self.log = log
-        self._orchestrator = orchestrator
-        self._client = client
-        self._buffer = buffer
-        self._machine = machine
-        self._graph = orchestrator.config.graph
-        self._replay = replay
-        self._operated = operated
-        self._stand_timeout = stand_timeout
+    orchestrator: Orchestrator  # Whose processes
+    machine: Machine  # What moves
+    client: AsyncClient  # The orchestrator's node
+    buffer: RunBuffer  # Messages of the graph so far
+    log: EventLog  # Where events go
+    # Writes the run's inputs so far and returns the parameters with which a node replays them, by
+    # node
+    replay: Mapping[str, Callable[[], dict[str, object]]]
+    # Whether an operator starts and stops the machine. Then supervision does not start it, and
+    # ignores what nodes do while it stands.
+    operated: bool = False
+
+    def __post_init__(self) -> None:
+        self._graph = self.orchestrator.config.graph
         self._findings: asyncio.Queue[Finding] = asyncio.Queue()
         self._healthy: set[str] = set()
         self._misses: Counter[str] = Counter()
-        self._backoff: dict[str, Backoff] = defaultdict(backoff)
+        self._backoff: dict[str, Backoff] = defaultdict(Backoff)
         self._sensors = SensorWatch()
-        self._rivals = RivalWatch(client.node, (spec.name for spec in self._graph))
+        self._rivals = RivalWatch(self.client.node, (spec.name for spec in self._graph))
         self._ends: dict[str, asyncio.Task[None]] = {}
         # Restarted while another node was down, so that not all of its topics have partners.
         self._unmatched: set[str] = set()
@@ -112,12 +94,9 @@ class Supervisor:
     async def beating(self) -> AsyncIterator[None]:
         """Give the signs of life that keep the machine moving."""
         for spec in self._graph:
-            self._client.watch(spec.name, partial(self._note_sign, spec.name))
-        task = asyncio.create_task(self._beat())
-        try:
+            self.client.watch(spec.name, partial(self._note_sign, spec.name))
+        async with beside(self._beat()):
             yield
-        finally:
-            task.cancel()
 
     async def watch(self) -> None:
         """Supervise until something ends the run.
@@ -131,42 +110,33 @@ class Supervisor:
         for spec in self._graph:
             self._trust(spec.name)
         watched = (self._look(), self._look_for_rivals(), self._publish_load())
-        tasks = [asyncio.create_task(work) for work in watched]
         try:
-            while True:
-                await self._handle(await self._next_finding(tasks))
+            async with beside(*watched) as tasks:
+                while True:
+                    await self._handle(await self._next_finding(tasks))
         except (TimeoutError, ValueError) as error:
             raise GraphError(str(error)) from error
         finally:
-            for task in tasks:
-                task.cancel()
             for task in self._ends.values():
                 task.cancel()
 
     async def _next_finding(self, watching: Sequence[asyncio.Task[None]]) -> Finding:
         """Return what fails next; whoever watches may end, but not by an error of its own."""
-        coming = asyncio.create_task(self._findings.get())
-        try:
+        async with beside(self._findings.get()) as (coming,):
             while not coming.done():
                 for task in watching:
                     if task.done():
                         task.result()
                 going = [task for task in watching if not task.done()]
                 await asyncio.wait([coming, *going], return_when=asyncio.FIRST_COMPLETED)
-            return coming.result()
-        finally:
-            coming.cancel()
-
-    @property
-    def t(self) -> float:
-        """Simulated time of the newest encoder sample [s]."""
-        return self._machine.t
+            finding: Finding = coming.result()
+            return finding
 
     @property
     def _left_alone(self) -> bool:
         """Whether a machine stands that may, so that nodes may be silent and topics late."""
-        may_stand = self._operated or not self._machine.simulated
-        return may_stand and not self._machine.moving
+        may_stand = self.operated or not self.machine.simulated
+        return may_stand and not self.machine.moving
 
     def _trust(self, name: str) -> None:
         self._healthy.add(name)
@@ -174,12 +144,12 @@ class Supervisor:
         self._ends[name] = asyncio.create_task(self._await_end(name))
 
     async def _await_end(self, name: str) -> None:
-        process = self._orchestrator.process(name)
+        process = self.orchestrator.process(name)
         code = await process.ended()
         self._find(name, f"ended with exit code {code}")
 
     def _note_sign(self, name: str, sign: Sign) -> None:
-        process = self._orchestrator.process(name)
+        process = self.orchestrator.process(name)
         # The operating system reports a process that has ended, with its exit code.
         if process.return_code is not None or name not in self._healthy:
             return
@@ -215,7 +185,7 @@ class Supervisor:
 
     async def _beat(self) -> None:
         while True:
-            self._client.beat()
+            self.client.beat()
             await asyncio.sleep(_BEAT_PERIOD)
 
     async def _look(self) -> None:
@@ -223,25 +193,23 @@ class Supervisor:
         clock = WatchClock()
         while True:
             await asyncio.sleep(_LOOK_PERIOD)
-            complaint = self._machine.complaint()
+            complaint = self.machine.complaint()
             if complaint:
-                self._find(self._machine.name, complaint, fatal=True, by=EndedBy.MACHINE)
+                self._find(self.machine.name, complaint, fatal=True, by=EndedBy.MACHINE)
                 return
             # A node that is given nothing it can use has asked the machine to stop by itself.
             for name in self._healthy:
-                status = self._client.status(f"{name}: topics")
+                status = self.client.status(f"{name}: topics")
                 if status is not None and status.level >= Level.ERROR:
                     self._find(name, status.message, fatal=True)
                     return
-            sensors = {
-                topic.name: self._buffer.last_stamp(topic) for topic in self._machine.sensors
-            }
+            sensors = {topic.name: self.buffer.last_stamp(topic) for topic in self.machine.sensors}
             awake = min(sensors.values()) >= 0.0 and len(self._healthy) == len(self._graph)
             if self._left_alone or not awake:
                 self._sensors.forget()
                 continue
             answers = {
-                spec.answer.name: self._buffer.last_stamp(spec.answer)
+                spec.answer.name: self.buffer.last_stamp(spec.answer)
                 for spec in self._graph
                 if spec.answer is not None
             }
@@ -259,32 +227,32 @@ class Supervisor:
         self._find(*contested, fatal=True)
 
     async def _publish_load(self) -> None:
-        load = LoadMonitor(self._buffer)
+        load = LoadMonitor(self.buffer)
         # Rates and loads are those since the last look.
         load.look(time.monotonic(), self._pids())
         while True:
             await asyncio.sleep(_LOAD_PERIOD)
             level, message, values = load.look(time.monotonic(), self._pids())
-            self._client.tell(self.t, level, "vitals", message, values)
+            self.client.tell(self.machine.t, level, "vitals", message, values)
 
     def _pids(self) -> dict[str, int]:
-        return {**self._orchestrator.pids(), NAME: os.getpid()}
+        return {**self.orchestrator.pids(), NAME: os.getpid()}
 
     async def _handle(self, finding: Finding) -> None:
         self._note("detected", finding.node, finding.text, wall=finding.wall)
         cause = Cause(
             by=finding.by,
             source=finding.node,
-            text=f"{finding.node} {finding.text} {self._machine.when}",
-            t=self._buffer.time,
+            text=f"{finding.node} {finding.text} {self.machine.when}",
+            t=self.buffer.time,
         )
         if finding.node == topics.RIG and not finding.fatal:
             # No process is left that could stop the axes; its process goes, and its drives with it.
-            process = self._orchestrator.process(topics.RIG)
+            process = self.orchestrator.process(topics.RIG)
             await process.kill()
             complaint = process.complaint()
             self._end(replace(cause, text=f"{cause.text}: {complaint}") if complaint else cause)
-        if self._left_alone and not self._machine.built:
+        if self._left_alone and not self.machine.built:
             # Nothing can move, and whoever was preparing it waits for this node in vain.
             self._end(cause)
         self.log.hold(cause)
@@ -293,24 +261,24 @@ class Supervisor:
         if finding.fatal or policy is None:
             self._end(cause)
         if policy is Policy.END:
-            await self._orchestrator.process(finding.node).kill()
+            await self.orchestrator.process(finding.node).kill()
             self._end(cause)
         await self._start_again(cause, policy)
 
     async def _stop_machine(self, cause: Cause) -> None:
-        failure = await self._machine.quick_stop()
-        if failure and self._machine.simulated:
-            await self._orchestrator.process(topics.RIG).kill()
+        failure = await self.machine.quick_stop()
+        if failure and self.machine.simulated:
+            await self.orchestrator.process(topics.RIG).kill()
             failure += " and was killed"
-        self.log.stop(self.t, "supervision", failure)
+        self.log.stop(self.machine.t, "supervision", failure)
         if failure:
             self._note("not stopped", topics.RIG, failure)
             self._end(cause)
         self._note("stopped", topics.RIG, "rig/quick_stop")
-        end = time.monotonic() + self._stand_timeout
-        while not self._machine.standing:
+        end = time.monotonic() + _STAND_TIMEOUT
+        while not self.machine.standing:
             if time.monotonic() > end:
-                limit = f"{self._stand_timeout:g} s"
+                limit = f"{_STAND_TIMEOUT:g} s"
                 self._note("not stopped", topics.RIG, f"does not stand {limit} after the stop")
                 self._end(cause)
             await asyncio.sleep(0.01)
@@ -322,20 +290,20 @@ class Supervisor:
         if wait is None:
             self._end(replace(cause, text=f"{cause.text}, for the fourth time within a minute"))
         await asyncio.sleep(wait)
-        extra = self._replay[name]() if policy is Policy.REPLAY else {}
+        extra = self.replay[name]() if policy is Policy.REPLAY else {}
         self._note("restarting", name, policy.value)
-        await self._orchestrator.restart(name, extra, partial(self._note, "restarting", name))
+        await self.orchestrator.restart(name, extra, partial(self._note, "restarting", name))
         self._note("restarted", name, "active again")
         self._trust(name)
         self._unmatched.add(name)
         if not self._findings.empty():
             # Another node is down as well: it is dealt with first.
             return
-        await self._orchestrator.rematch(sorted(self._unmatched))
+        await self.orchestrator.rematch(sorted(self._unmatched))
         self._unmatched.clear()
         # An operator may have pressed Stop while the machine stood; Start is theirs.
-        if self._findings.empty() and not self._operated:
-            await self._machine.start()
+        if self._findings.empty() and not self.operated:
+            await self.machine.start()
             self._note("resumed", topics.RIG, "rig/start")
             self.log.resume()
         self._sensors.forget()
@@ -348,11 +316,11 @@ class Supervisor:
     def _note(
         self, what: str, node: str, text: str, *, wall: float | None = None, sentence: str = ""
     ) -> None:
-        self.log.note(what, node, text, t=self.t, wall=wall)
+        self.log.note(what, node, text, t=self.machine.t, wall=wall)
         level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
-        values = {"time": f"{self.t:.3f}"}
+        values = {"time": f"{self.machine.t:.3f}"}
         about = sentence or f"{node} {text}"
-        self._client.tell(self.t, level, "supervision", f"{what}: {about}", values)
+        self.client.tell(self.machine.t, level, "supervision", f"{what}: {about}", values)
 
 
 def replay_parameters(buffer: RunBuffer, file: Path, since: float = 0.0) -> dict[str, object]:
