@@ -7,12 +7,12 @@ import socket
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_fem_node.winding.winding_config import SolverParameters
-from winding_cli.run.wanted_lay import lead_of
 from winding_cli.terminal.output_path import (
     STANDARD_OUTPUT,
     check_output_file,
@@ -104,6 +104,28 @@ def _external_machine(spec: RunSpec) -> ExternalMachineConfig:
         standing_limit=machine.standing,
         lead=lead_of(spec),
     )
+
+
+def lead_of(spec: RunSpec) -> float:
+    """Return by how much the guide of a wanted lay goes ahead of the cable at first [m].
+
+    Raises:
+        ParameterError: No controller can lay what is wanted.
+    """
+    from lay_control_node.ros.parameters import LayControlParameters
+
+    if not spec.controlled:
+        return 0.0
+    values = {**asdict(spec.condition), **spec.asked("lay")}
+    wish = build(LayControlParameters, values, owner="winding run")
+    try:
+        controller = wish.new_controller()
+    except ValueError as error:
+        if spec.lay.program:
+            raise ParameterError(f"{spec.source.label('program')}: {error}") from error
+        spec.source.refuse("lay:", error)
+    what = spec.condition.resolved()
+    return controller.wanted.at(0.0).slope * what.free_length / what.case.centreline_radius
 
 
 def _check_camera(spec: RunSpec) -> None:
