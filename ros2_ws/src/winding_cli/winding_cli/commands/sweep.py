@@ -18,7 +18,7 @@ from winding_cli.terminal.output_path import (
     check_output_folder,
     staged,
 )
-from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
+from winding_cli.terminal.refusal import FAILED, complain, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
 from winding_core.parameters import option_kinds
 from winding_core.units import MILLIMETRE
@@ -174,7 +174,7 @@ def _name(spec: SweepSpec, number: int, given: dict[str, Value]) -> str:
 def _stored(store: RunStore, plan: Plan, part: Any) -> dict[str, Arrays]:
     from winding_study.sweep.campaign import stored_results
 
-    _say(
+    complain(
         f"{len(plan.runs)} runs"
         + (f" in shard {part.number}/{part.count}" if part.count > 1 else "")
     )
@@ -182,10 +182,10 @@ def _stored(store: RunStore, plan: Plan, part: Any) -> dict[str, Arrays]:
         return {}
     left = store.remove_unfinished(before=time.time() - ABANDONED)
     if left:
-        _say(f"{left} files that killed processes left unfinished were removed")
-    done = stored_results(store, plan.keys, _say)
+        complain(f"{left} files that killed processes left unfinished were removed")
+    done = stored_results(store, plan.keys, complain)
     if done:
-        _say(f"{len(done)} of them are in {store.folder} already")
+        complain(f"{len(done)} of them are in {store.folder} already")
     return done
 
 
@@ -248,11 +248,7 @@ def _deliver(
     if out is not None:
         with staged(out) as place:
             write_table(place, columns)
-        _say(f"wrote {out}: {len(plan.keys)} rows")
-
-
-def _say(sentence: str) -> None:
-    typer.echo(f"winding: {sentence}", err=True)
+        complain(f"wrote {out}: {len(plan.keys)} rows")
 
 
 def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
