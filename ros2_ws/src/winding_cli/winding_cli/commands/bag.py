@@ -223,12 +223,8 @@ def replay(
     with refused(OSError, ValueError):
         if parameters is not None and node in REPLAYABLE:
             own = parameters_for(parameters, f"/{DEFAULT_NAMESPACE}/{REPLAYABLE[node].name}")
-    try:
+    with refused(ValueError), refused(BagError, code=FAILED):
         result = feed(source, node, tolerance=tolerance, parameters=own)
-    except BagError as error:
-        refuse(error, FAILED)
-    except ValueError as error:
-        refuse(error)
     print(f"{result.inputs} messages in, {result.refused} refused, answers {result.digest}")
     for comparison in result.comparisons:
         print(

@@ -10,7 +10,7 @@ import typer
 from winding_cli.run.configuration import machine_axes
 from winding_cli.terminal.console import result_console
 from winding_cli.terminal.record_options import Domain, Typed, with_options
-from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import joined
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
@@ -51,7 +51,7 @@ def conform(
         if not value > 0.0:
             refuse(f"--{name} must be positive, got {value}")
     known = machine_axes(axes)
-    with joined(domain) as place:
+    with joined(domain) as place, refused(ValueError, code=FAILED):
         try:
             findings, commanded = asyncio.run(
                 _probe(
@@ -63,8 +63,6 @@ def conform(
                     stop_within=stop_within_s,
                 )
             )
-        except ValueError as error:
-            refuse(str(error), FAILED)
         except TimeoutError as error:
             refuse(
                 f"{error}; is a driver running in namespace /{namespace}, domain {place.domain}?",

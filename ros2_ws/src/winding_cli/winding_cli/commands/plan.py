@@ -22,7 +22,7 @@ from winding_cli.terminal.output_path import (
     write_json,
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options
-from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE
 from winding_study.plans.plan_parameters import PlanParameters
 from winding_study.run_parameters import RunParameters
@@ -105,7 +105,7 @@ def plan(
         check_output_file(path, option, force=force)
     _check_options(start, tolerance_mm, slow_down, picture, period_ms, turns)
     laid: SolverLay | None = None
-    try:
+    with refused(ValueError), refused(SolverError, code=FAILED):
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
         if solver and parameters.element != "rod":
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
@@ -129,10 +129,6 @@ def plan(
         else:
             planned = plan_with()
         controlled = _controlled(planned)
-    except ValueError as error:
-        refuse(error)
-    except SolverError as error:
-        refuse(error, FAILED)
     print_plan(result_console(), planned, laid, controlled)
     missed = verdict(planned, laid, tolerance_mm)
     record = plan_record(planned)

@@ -29,7 +29,7 @@ from winding_cli.terminal.output_path import (
     write_json,
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options
-from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 from winding_study.run_parameters import RunParameters
 
@@ -119,7 +119,7 @@ def predict(
         check_output_folder(vtk_file.with_suffix(""), "--vtk", force=force)
     if pictures < 2:
         refuse(f"--pictures must be 2 or more, got {pictures}")
-    try:
+    with refused(ValueError), refused(SolverError, code=FAILED):
         run = RunParameters.from_typed(typed, spelling=spelled).plan()
         if check:
             _print_checks(run)
@@ -130,10 +130,6 @@ def predict(
         with cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look:
             result = _wind(run, look)
         error_of = _discretisation(run, result) if richardson else None
-    except ValueError as error:
-        refuse(error)
-    except SolverError as error:
-        refuse(error, FAILED)
     record = _record(result, run.element) | _error_record(error_of)
     _print(result, record)
     if json_file is not None:

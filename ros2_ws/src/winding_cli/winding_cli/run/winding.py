@@ -17,7 +17,7 @@ from rich.table import Table
 from rich.text import Text
 
 from winding_cli.terminal.console import Shown, record_table
-from winding_cli.terminal.refusal import FAILED, complain, fail, refuse
+from winding_cli.terminal.refusal import FAILED, complain, fail, refused
 from winding_cli.terminal.termination import end
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
@@ -56,25 +56,24 @@ def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | N
 
     interrupted = partial(end, "interrupted; the nodes are stopped")
     ending: Callable[[], NoReturn] | None = None
-    try:
-        with opened_run(config) as run:
-            delivery.begin(run.config.directory)
-            import_early("winding_reports.run_report.report")
-            try:
-                _watch(run, config.spec.condition, delivery)
-            except (GraphError, TimeoutError, OSError) as error:
-                complain(error)
-                ending = fail
-            except KeyboardInterrupt:
+    with (
+        refused(DomainError, RecorderError, RunFolderError),
+        refused(OSError, code=FAILED),
+        opened_run(config) as run,
+    ):
+        delivery.begin(run.config.directory)
+        import_early("winding_reports.run_report.report")
+        try:
+            _watch(run, config.spec.condition, delivery)
+        except (GraphError, TimeoutError, OSError) as error:
+            complain(error)
+            ending = fail
+        except KeyboardInterrupt:
+            ending = interrupted
+        for result in run.remains():
+            delivery.deliver(result)
+            if result.ending.by is EndedBy.SIGNAL:
                 ending = interrupted
-            for result in run.remains():
-                delivery.deliver(result)
-                if result.ending.by is EndedBy.SIGNAL:
-                    ending = interrupted
-    except (DomainError, RecorderError, RunFolderError) as error:
-        refuse(error)
-    except OSError as error:
-        refuse(error, FAILED)
     # A machine that may still turn is more than an interruption.
     return None if ending is interrupted and delivery.flawed else ending
 
