@@ -138,7 +138,14 @@ def plan(
         "tolerance_mm": tolerance_mm,
         "missed": missed,
     }
-    _write(planned, laid, csv_file, picture, 1.0e-3 * period_ms)
+    if csv_file is not None:
+        with staged(csv_file) as place:
+            place.write_text(csv_text(planned, 1.0e-3 * period_ms), encoding="utf-8")
+    if picture is not None:
+        from winding_study.plans.plan_picture import write_plan_picture
+
+        with staged(picture) as place:
+            write_plan_picture(planned, laid, place, picture.suffix.lower())
     if json_file is not None:
         write_json(json_file, record)
     if missed:
@@ -213,23 +220,6 @@ def _controlled(planned: LayPlan) -> tuple[ExpectedLanding, ...]:
     control = ControlParameters(pull_range=list(limits.pull_share))
     wanted = WantedProgram.of(program, what, limits)
     return expected_landings(control, what, wanted, program.markers)
-
-
-def _write(
-    planned: LayPlan,
-    laid: SolverLay | None,
-    csv_file: Path | None,
-    picture: Path | None,
-    period: float,
-) -> None:
-    if csv_file is not None:
-        with staged(csv_file) as place:
-            place.write_text(csv_text(planned, period), encoding="utf-8")
-    if picture is not None:
-        from winding_study.plans.plan_picture import write_plan_picture
-
-        with staged(picture) as place:
-            write_plan_picture(planned, laid, place, picture.suffix.lower())
 
 
 def print_plan(

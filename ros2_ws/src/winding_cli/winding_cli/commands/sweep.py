@@ -83,9 +83,9 @@ def sweep(
     force: Force = False,
 ) -> None:
     """Wind every combination of parameters that a file describes and tabulate the results."""
-    from winding_study.run_store import RunStore
+    from winding_study.run_store import RunStore, solver_version
     from winding_study.sweep.campaign import Shard
-    from winding_study.sweep.outcome import SUFFIXES
+    from winding_study.sweep.outcome import SUFFIXES, table_columns, write_table
 
     if out is not None and out.suffix not in SUFFIXES:
         refuse(f"--output must end in {', '.join(SUFFIXES)}, got {out.name}")
@@ -104,7 +104,12 @@ def sweep(
         refuse(f"{missing} of {len(plan.runs)} runs are not in {store} yet", FAILED)
     if missing:
         done = _wind(plan, done, winder, kept)
-    _deliver(plan, done, varied, out)
+    columns = table_columns(plan.numbers, plan.keys, plan.inputs, done, solver=solver_version())
+    print_summary(columns, varied)
+    if out is not None:
+        with staged(out) as place:
+            write_table(place, columns)
+        complain(f"wrote {out}: {len(plan.keys)} rows")
 
 
 def _engine(
@@ -235,20 +240,6 @@ def _wind(
 def _kept(plan: Plan, store: RunStore) -> str:
     count = sum(store.path(key).exists() for key in plan.runs)
     return f"{count} of {len(plan.runs)} runs are in {store.folder}"
-
-
-def _deliver(
-    plan: Plan, results: dict[str, Arrays], varied: tuple[str, ...], out: Path | None
-) -> None:
-    from winding_study.run_store import solver_version
-    from winding_study.sweep.outcome import table_columns, write_table
-
-    columns = table_columns(plan.numbers, plan.keys, plan.inputs, results, solver=solver_version())
-    print_summary(columns, varied)
-    if out is not None:
-        with staged(out) as place:
-            write_table(place, columns)
-        complain(f"wrote {out}: {len(plan.keys)} rows")
 
 
 def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:

@@ -190,6 +190,7 @@ def write(
     """
     from winding_reports.records.run_record import run_json, write_run_json
     from winding_reports.run_report.report import write_report
+    from winding_reports.trace import write_chrome_trace
 
     if json == STANDARD_OUTPUT:
         write_json(json, run_json(record))
@@ -200,19 +201,13 @@ def write(
         page = report / write_report(record, place).name
     files = [("report", page), ("numbers", json), *(("bag", bag) for bag in bags)]
     if trace is not None and result is not None:
-        _write_trace(record, result, trace)
+        assert record.trace is not None
+        assert result.trace is not None
+        with staging(trace) as place:
+            write_chrome_trace(record.trace, result.trace, place)
         files.append(("trace", trace))
     for name, path in files:
         result_console().print(f"{name}: {path}", soft_wrap=True)
-
-
-def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
-    from winding_reports.trace import write_chrome_trace
-
-    assert record.trace is not None
-    assert result.trace is not None
-    with staging(path) as place:
-        write_chrome_trace(record.trace, result.trace, place)
 
 
 def show(record: RunRecord) -> None:
