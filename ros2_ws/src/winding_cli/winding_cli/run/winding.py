@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 import sys
-import threading
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
+from threading import Thread
 from typing import TYPE_CHECKING, NoReturn
 
 from rich.console import Console, Group, RenderableType
@@ -62,7 +62,8 @@ def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | N
         opened_run(config) as run,
     ):
         delivery.begin(run.config.directory)
-        import_early("winding_reports.run_report.report")
+        # Beside everything else; whoever imports it later waits for that.
+        Thread(target=import_module, args=("winding_reports.run_report.report",)).start()
         try:
             _watch(run, config.spec.condition, delivery)
         except (GraphError, TimeoutError, OSError) as error:
@@ -82,7 +83,7 @@ def _watch(run: Run, condition: Condition, delivery: RunDelivery) -> None:
     console = Console(stderr=True)
     if not console.is_terminal:
         lines = ProgressLines(condition.duration, _FIRST_WORDS)
-        run.wind(lines, print_sentence, delivery.deliver)
+        run.wind(lines, partial(print, flush=True), delivery.deliver)
         return
     with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
@@ -162,11 +163,6 @@ class LiveView:
         }
 
 
-def print_sentence(sentence: str) -> None:
-    """Print a sentence at once."""
-    print(sentence, flush=True)
-
-
 class ProgressLines:
     """Progress for a log file: a line for every tenth of the run."""
 
@@ -186,8 +182,3 @@ class ProgressLines:
                 file=sys.stderr,
                 flush=True,
             )
-
-
-def import_early(module: str) -> None:
-    """Begin to import a module beside everything else; whoever imports it later waits for that."""
-    threading.Thread(target=import_module, args=(module,), name=f"import {module}").start()
