@@ -82,103 +82,86 @@ def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | N
 def _watch(run: Run, condition: Condition, delivery: RunDelivery) -> None:
     console = Console(stderr=True)
     if not console.is_terminal:
-        lines = ProgressLines(condition.duration, _FIRST_WORDS)
-        run.wind(lines, partial(print, flush=True), delivery.deliver)
+        print(_FIRST_WORDS, file=sys.stderr, flush=True)
+        printed = 0
+
+        def line(buffer: RunBuffer, wall: float) -> None:
+            """Print for a log how far the run has come, at every tenth of it."""
+            nonlocal printed
+            t = buffer.time
+            tenth = int(10.0 * t / condition.duration)
+            if tenth > printed:
+                printed = tenth
+                print(
+                    f"{t:6.2f} of {condition.duration:.2f} s simulated, {wall:.1f} s on the clock",
+                    file=sys.stderr,
+                    flush=True,
+                )
+
+        run.wind(line, partial(print, flush=True), delivery.deliver)
         return
     with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
         def view(buffer: RunBuffer, wall: float) -> None:
-            picture = LiveView(condition.resolved().case, condition.duration, buffer)
-            live.update(picture.render(wall))
+            live.update(_picture(condition, buffer, wall))
 
         run.wind(view, live.console.print, delivery.deliver)
 
 
-class LiveView:
-    """Draws the newest state of a run from its buffer."""
-
-    def __init__(self, case: Case, duration: float, buffer: RunBuffer) -> None:
-        self._case = case
-        self._duration = duration
-        self._buffer = buffer
-
-    def render(self, wall: float) -> RenderableType:
-        """Return the present picture, `wall` seconds after the start."""
-        reading = self._buffer.newest_axis_reading()
-        if reading is None:
-            return Text("waiting for the first encoder sample")
-        _, measured = reading
-        t = self._buffer.time
-        command = self._buffer.newest(topics.JOINT_COMMANDS, decode_joint_state)
-        wanted = command[1] if command is not None else None
-        tension = self._buffer.newest(topics.TENSION, decode_tension)
-        machine = Table.grid(padding=(0, 2))
-        machine.add_row(
-            "simulated",
-            f"{t:6.2f} of {self._duration:.2f} s",
-            f"x{t / wall:.2f} of real time" if wall > 0.0 else "",
-        )
-        machine.add_row(
-            "cylinder",
-            f"{measured.angular_speed:6.3f} rad/s",
-            f"target {wanted.angular_speed:.3f}" if wanted else "",
-            f"{measured.cylinder_angle / (2.0 * math.pi):.2f} turns",
-        )
-        machine.add_row(
-            "carriage",
-            f"{measured.feed_speed / MILLIMETRE:6.3f} mm/s",
-            f"target {wanted.feed_speed / MILLIMETRE:.3f}" if wanted else "",
-            f"{measured.carriage_position / MILLIMETRE:.1f} mm",
-        )
-        machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
-        bar = ProgressBar(total=self._duration, completed=min(t, self._duration), width=60)
-        return Group(bar, machine, self._lengths())
-
-    def _lengths(self) -> Table:
-        columns = [
-            Shown("marker", lambda marker: f"P{marker}"),
-            Shown("original mm", self._case.original_length, ".1f", MILLIMETRE),
-        ]
-        for name, topic in (
-            ("predicted", topics.FEM_MARKERS),
-            ("measured", topics.TRACKED_MARKERS),
-            ("corrected", topics.CORRECTED_MARKERS),
-        ):
-            length = self._markers(topic).get
-            columns.append(Shown(f"{name} mm", length, ".1f", MILLIMETRE, "not wound"))
-        markers = range(1, self._case.marker_count + 1)
-        return record_table(columns, markers, words=1, box=None, padding=(0, 2))
-
-    def _markers(self, topic: Topic) -> dict[int, float]:
-        dtype = CORRECTED_DTYPE if topic is topics.CORRECTED_MARKERS else MARKER_DTYPE
-        newest = self._buffer.newest(topic, partial(decode_cloud, dtype=dtype))
-        if newest is None:
-            return {}
-        _, markers = newest
-        return {
-            int(marker): float(length)
-            for marker, length in zip(
-                markers["id"][is_wound(markers)], markers["s"][is_wound(markers)], strict=True
-            )
-        }
+def _picture(condition: Condition, buffer: RunBuffer, wall: float) -> RenderableType:
+    """Return the newest state of a run, `wall` seconds after its start."""
+    reading = buffer.newest_axis_reading()
+    if reading is None:
+        return Text("waiting for the first encoder sample")
+    _, measured = reading
+    t = buffer.time
+    command = buffer.newest(topics.JOINT_COMMANDS, decode_joint_state)
+    wanted = command[1] if command is not None else None
+    tension = buffer.newest(topics.TENSION, decode_tension)
+    machine = Table.grid(padding=(0, 2))
+    machine.add_row(
+        "simulated",
+        f"{t:6.2f} of {condition.duration:.2f} s",
+        f"x{t / wall:.2f} of real time" if wall > 0.0 else "",
+    )
+    machine.add_row(
+        "cylinder",
+        f"{measured.angular_speed:6.3f} rad/s",
+        f"target {wanted.angular_speed:.3f}" if wanted else "",
+        f"{measured.cylinder_angle / (2.0 * math.pi):.2f} turns",
+    )
+    machine.add_row(
+        "carriage",
+        f"{measured.feed_speed / MILLIMETRE:6.3f} mm/s",
+        f"target {wanted.feed_speed / MILLIMETRE:.3f}" if wanted else "",
+        f"{measured.carriage_position / MILLIMETRE:.1f} mm",
+    )
+    machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
+    bar = ProgressBar(total=condition.duration, completed=min(t, condition.duration), width=60)
+    return Group(bar, machine, _lengths(condition.resolved().case, buffer))
 
 
-class ProgressLines:
-    """Progress for a log file: a line for every tenth of the run."""
+def _lengths(case: Case, buffer: RunBuffer) -> Table:
+    columns = [
+        Shown("marker", lambda marker: f"P{marker}"),
+        Shown("original mm", case.original_length, ".1f", MILLIMETRE),
+    ]
+    for name, topic in (
+        ("predicted", topics.FEM_MARKERS),
+        ("measured", topics.TRACKED_MARKERS),
+        ("corrected", topics.CORRECTED_MARKERS),
+    ):
+        length = _markers(buffer, topic).get
+        columns.append(Shown(f"{name} mm", length, ".1f", MILLIMETRE, "not wound"))
+    markers = range(1, case.marker_count + 1)
+    return record_table(columns, markers, words=1, box=None, padding=(0, 2))
 
-    def __init__(self, duration: float, first_words: str) -> None:
-        self._duration = duration
-        self._printed = 0
-        print(first_words, file=sys.stderr, flush=True)
 
-    def __call__(self, buffer: RunBuffer, wall: float) -> None:
-        """Print how far a run has come after a wall time [s], if that is a tenth further."""
-        t = buffer.time
-        tenth = int(10.0 * t / self._duration)
-        if tenth > self._printed:
-            self._printed = tenth
-            print(
-                f"{t:6.2f} of {self._duration:.2f} s simulated, {wall:.1f} s on the clock",
-                file=sys.stderr,
-                flush=True,
-            )
+def _markers(buffer: RunBuffer, topic: Topic) -> dict[int, float]:
+    dtype = CORRECTED_DTYPE if topic is topics.CORRECTED_MARKERS else MARKER_DTYPE
+    newest = buffer.newest(topic, partial(decode_cloud, dtype=dtype))
+    if newest is None:
+        return {}
+    _, markers = newest
+    wound = markers[is_wound(markers)]
+    return dict(zip(wound["id"].tolist(), wound["s"].tolist(), strict=True))
