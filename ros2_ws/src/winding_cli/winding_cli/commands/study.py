@@ -100,12 +100,17 @@ def study(
     force: Force = False,
 ) -> None:
     """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
-    from cable_fem_node.winding.prediction import ELEMENTS
     from winding_core.cable.material_law import LAWS
     from winding_study.paper.study import StudyConfig
 
-    if element not in ELEMENTS:
-        refuse(f"element must be {' or '.join(ELEMENTS)}, got {element!r}")
+    with refused(ValueError):
+        config = StudyConfig(
+            element=element,
+            law=law or "linear",
+            segment_length=None if segment_mm is None else 1e-3 * segment_mm,
+            mass_scaling=mass_scaling,
+            duration=duration_s,
+        )
     if fem not in ("own", "published"):
         refuse(f"fem must be own or published, got {fem!r}")
     if law is not None and law not in LAWS:
@@ -134,14 +139,6 @@ def study(
         refuse("--fem published winds nothing, so it has no --lengths")
     chosen, drawn = _cases(cases), _seeds(seeds)
     drawn = drawn if models else ()
-    with refused(ValueError):
-        config = StudyConfig(
-            element=element,
-            law=law or "linear",
-            segment_length=None if segment_mm is None else 1e-3 * segment_mm,
-            mass_scaling=mass_scaling,
-            duration=duration_s,
-        )
     need_extra("train", "training models")
     from correction_node.models.dataset import format_lengths
     from winding_cli.offline.study_conduct import conduct
