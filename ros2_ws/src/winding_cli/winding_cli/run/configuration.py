@@ -18,12 +18,11 @@ from winding_cli.terminal.output_path import (
     check_output_file,
     check_output_folder,
 )
-from winding_cli.terminal.record_options import Typed, spelled
-from winding_cli.terminal.refusal import refuse, refused
+from winding_cli.terminal.refusal import refuse
 from winding_cli.terminal.ros_environment import refuse_open
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.camera_source import CameraSource
-from winding_core.parameters import ParameterError, build, declared_in, typed_values
+from winding_core.parameters import ParameterError, build, declared_in
 from winding_core.run_options import BY_MOTION, CameraPlacement
 from winding_core.run_spec import RunSpec
 
@@ -165,12 +164,6 @@ def _check_nodes(spec: RunSpec, config: RunConfig) -> None:
     if name := config.parameters()[topics.CORRECTION].get("weights"):
         with spec.source.at("weights"):
             load_factor(weights_directory(str(name)))
-
-
-def machine_axes(typed: Typed) -> MachineAxes:
-    """Return the axes that were typed; end the command when they contradict each other."""
-    with refused(ParameterError, ValueError):
-        return build(MachineAxes, typed_values(MachineAxes, typed, spelled), owner="the machine")
 
 
 def _page_parameters(spec: RunSpec) -> dict[str, object]:
