@@ -127,8 +127,11 @@ def study(
     check_output_folder(report, "--output", force=force)
     check_output_folder(store, "--store")
     if closed_loop:
+        wind = evidence("closed_loop")
+        if wind is None:
+            refuse("closed_loop is evidence, and the package winding_verification is not installed")
         with refused(ValueError):
-            evidence("closed_loop")(_cases(cases), draws, processes, json, brake=brake)
+            wind(_cases(cases), draws, processes, json, brake=brake)
         return
     if calibrate_rig:
         if lengths is not None or report is not None:
