@@ -47,11 +47,13 @@ def conduct(
         results, stored = _wind(config, cases, store, processes)
     with refused(ValueError, code=FAILED):
         comparison = beside_experiment(config, cases, results)
-    tables = evidence("correction")
-    if tables is None:
-        _say("winding_verification is not installed: no tables of evidence on the correction")
     try:
         with interruptible(), busy("learning") as show:
+            tables = evidence("correction")
+            if tables is None:
+                _say(
+                    "winding_verification is not installed: no tables of evidence on the correction"
+                )
             record = study_record(
                 config,
                 cases,
