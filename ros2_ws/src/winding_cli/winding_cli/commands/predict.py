@@ -35,7 +35,6 @@ from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.dynamics.state import FloatArray
-    from cable_fem_node.winding.discretisation import DiscretisationError
     from cable_fem_node.winding.expected_cost import ExpectedCost
     from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
@@ -107,7 +106,10 @@ def predict(
     force: Force = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
+    from rich.progress import TaskProgressColumn
+
     from cable_fem_node.dynamics.state import SolverError
+    from cable_fem_node.winding.discretisation import discretisation_error
 
     given = {".json": json_file, ".csv": csv_file, ".pvd": vtk_file}
     json_file, csv_file, vtk_file = by_suffix(output or (), given)
@@ -127,10 +129,24 @@ def predict(
         if run.element != "rod" and (csv_file or vtk_file):
             raise ValueError(f"--csv and --vtk tell of a rod, not of element {run.element}")
         _announce(run)
-        with cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look:
-            result = _wind(run, look)
-        error_of = _discretisation(run, result) if richardson else None
-    record = _record(result, run.element) | _error_record(error_of)
+        words = f"winding with the {run.element}"
+        with (
+            cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look,
+            busy(words, TaskProgressColumn(), total=1.0) as show,
+        ):
+            result = run.wind(
+                lambda share: show(completed=share, description=words), whole=False, look=look
+            )
+        record = _record(result, run.element)
+        if richardson:
+            with busy("winding again with elements of half the length"):
+                error = discretisation_error(run, result)
+            record["discretisation_error"] = {
+                "segment_m": error.segment,
+                "finer_segment_m": error.finer_segment,
+                "theta_rad": list(map(known, error.theta)),
+                "s_m": list(map(known, error.s)),
+            }
     _print(result, record)
     if json_file is not None:
         write_json(json_file, record)
@@ -172,36 +188,6 @@ def _announce(run: PlannedRun) -> None:
         highlight=False,
         soft_wrap=True,
     )
-
-
-def _wind(run: PlannedRun, look: Look) -> Prediction:
-    from rich.progress import TaskProgressColumn
-
-    words = f"winding with the {run.element}"
-    with busy(words, TaskProgressColumn(), total=1.0) as show:
-        return run.wind(
-            lambda share: show(completed=share, description=words), whole=False, look=look
-        )
-
-
-def _discretisation(run: PlannedRun, result: Prediction) -> DiscretisationError:
-    from cable_fem_node.winding.discretisation import discretisation_error
-
-    with busy("winding again with elements of half the length"):
-        return discretisation_error(run, result)
-
-
-def _error_record(error: DiscretisationError | None) -> dict[str, Any]:
-    if error is None:
-        return {}
-    return {
-        "discretisation_error": {
-            "segment_m": error.segment,
-            "finer_segment_m": error.finer_segment,
-            "theta_rad": list(map(known, error.theta)),
-            "s_m": list(map(known, error.s)),
-        }
-    }
 
 
 def _print(result: Prediction, record: dict[str, Any]) -> None:
