@@ -94,13 +94,13 @@ def run_record(
     lay = recorded_outcome(buffer, condition, tracked, wish, limits.lay_tolerance)
     published_lay = case.is_published and lay is None and laid_as_published
     rows = tuple(
-        _row(
-            marker,
-            case.original_length(marker),
-            mean_length(tracked.of(marker), case.centreline_radius),
-            final.get(marker),
-            experiment.get(marker),
-            factor.held_out.get(marker),
+        MarkerRow(
+            id=marker,
+            original=case.original_length(marker),
+            s_tracked=mean_length(tracked.of(marker), case.centreline_radius),
+            s_published=experiment.get(marker),
+            h_held_out=factor.held_out.get(marker) if marker in final else None,
+            **_corrected(final.get(marker)),
         )
         for marker in range(1, case.marker_count + 1)
     )
@@ -227,28 +227,12 @@ def _final_corrections(buffer: RunBuffer) -> dict[int, np.void]:
     return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
 
 
-def _row(
-    marker: int,
-    original: float,
-    tracked: float | None,
-    correction: np.void | None,
-    published: float | None,
-    held_out: float | None,
-) -> MarkerRow:
+def _corrected(correction: np.void | None) -> dict[str, float]:
+    """Return what a marker's row has of its correction, in metres and h; nothing without one."""
     if correction is None:
-        return MarkerRow(id=marker, original=original, s_tracked=tracked, s_published=published)
-    return MarkerRow(
-        id=marker,
-        original=original,
-        s_fem=float(correction["s_fem"]),
-        s_tracked=tracked,
-        h=float(correction["h"]),
-        h_held_out=held_out,
-        s_corrected=float(correction["s"]),
-        s_low=float(correction["s_low"]),
-        s_high=float(correction["s_high"]),
-        s_published=published,
-    )
+        return {}
+    fields = {"s_fem": "s_fem", "h": "h", "s_corrected": "s", "s_low": "s_low", "s_high": "s_high"}
+    return {name: float(correction[own]) for name, own in fields.items()}
 
 
 def _facts(buffer: RunBuffer) -> dict[str, str]:
