@@ -286,7 +286,7 @@ def control_record(controlled: tuple[ExpectedLanding, ...]) -> list[dict[str, An
 
 def _uncertain(controlled: tuple[ExpectedLanding, ...]) -> Iterator[str]:
     """Yield which markers may miss their angles under control, and why."""
-    missing = [item for item in controlled if not item.misses <= _bar(item.number)]
+    missing = [i for i in controlled if not i.misses <= (_FIRST if i.number == 1 else _LATER)]
     for item in missing:
         if not math.isfinite(item.misses):
             yield f"under control P{item.number} may not land by the end"
@@ -304,10 +304,6 @@ def _uncertain(controlled: tuple[ExpectedLanding, ...]) -> Iterator[str]:
             "under control the tension that reaches the cylinder is learnt from the markers that "
             "land, and the pull changes no faster than friction holds what lies"
         )
-
-
-def _bar(number: int) -> float:
-    return _FIRST if number == 1 else _LATER
 
 
 def solver_record(solver: SolverLay | None) -> dict[str, Any] | None:
