@@ -19,7 +19,6 @@ from winding_cli.terminal.output_path import (
     check_output_folder,
 )
 from winding_cli.terminal.refusal import refuse
-from winding_cli.terminal.ros_environment import refuse_open
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.camera_source import CameraSource
 from winding_core.parameters import ParameterError, build, declared_in
@@ -42,8 +41,11 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
 
     Raises:
         ParameterError: A file, a camera, a node's parameter or the page cannot be had.
+        SecurityError: A node is not held to its policy.
     """
-    from winding_ros.graph import RIG, parameters_of
+    from winding_ros.access_policy import Participants
+    from winding_ros.graph import RIG, members, parameters_of
+    from winding_ros.security import check_security
     from winding_supervisor.session.run_config import RunConfig
 
     graph = spec.graph
@@ -55,13 +57,10 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
         label = spec.source.label("parameters")
         raise ParameterError(f"{label}: there is no file {graph.parameters}")
     if graph.secure:
-        refuse_open(
-            graph.namespace,
-            page=spec.page.dashboard,
-            external=spec.external,
-            camera=spec.camera.camera,
-            control=spec.controlled,
-        )
+        nodes = members(external=spec.external, camera=spec.camera.camera, control=spec.controlled)
+        # Their policies, and that of the page where there is one.
+        taking_part = Participants(graph=nodes, page=spec.page.dashboard)
+        check_security(graph.namespace, taking_part=taking_part)
     machine = _external_machine(spec) if spec.external else None
     if machine is None:
         with spec.source.at("lay"):
