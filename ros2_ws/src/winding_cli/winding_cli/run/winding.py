@@ -8,7 +8,7 @@ from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from threading import Thread
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -16,6 +16,7 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from winding_cli.run.delivery import RunDelivery
 from winding_cli.terminal.console import Shown, record_table
 from winding_cli.terminal.refusal import FAILED, complain, fail, refused
 from winding_cli.terminal.termination import end
@@ -24,16 +25,16 @@ from winding_core.cable.condition import Condition
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.run_outcome import EndedBy
 from winding_core.units import MILLIMETRE
+from winding_recorder.live.recorder import RecorderError
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
+from winding_ros.graph import GraphError
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
-
-if TYPE_CHECKING:
-    from winding_cli.run.delivery import RunDelivery
-    from winding_supervisor.session.run import Run
-    from winding_supervisor.session.run_config import RunConfig
+from winding_supervisor.session.domain_lock import DomainError
+from winding_supervisor.session.run import Run, opened_run
+from winding_supervisor.session.run_config import RunConfig, RunFolderError
 
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
@@ -48,12 +49,6 @@ def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | N
     Returns:
         How the command is to end if it ended early.
     """
-    from winding_recorder.live.recorder import RecorderError
-    from winding_ros.graph import GraphError
-    from winding_supervisor.session.domain_lock import DomainError
-    from winding_supervisor.session.run import opened_run
-    from winding_supervisor.session.run_config import RunFolderError
-
     interrupted = partial(end, "interrupted; the nodes are stopped")
     ending: Callable[[], NoReturn] | None = None
     with (
