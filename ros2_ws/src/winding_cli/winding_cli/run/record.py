@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from winding_cli.run.outcome import run_outcome
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.helix import curve_length
-from winding_core.machine.readings import AxisReading
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value, declarations
 from winding_core.run_options import OperatorLimits
@@ -108,13 +108,11 @@ def run_record(
     return RunRecord(
         case=case,
         drive=what.drive,
-        cylinder_speed=_signal(measured, "angular_speed"),
-        carriage_speed=_signal(measured, "feed_speed"),
-        cylinder_setpoint=_signal(commanded, "angular_speed"),
-        carriage_setpoint=_signal(commanded, "feed_speed"),
-        tension=Signal(
-            t=np.array([t for t, _ in tension]), value=np.array([force for _, force in tension])
-        ),
+        cylinder_speed=_signal(measured, attrgetter("angular_speed")),
+        carriage_speed=_signal(measured, attrgetter("feed_speed")),
+        cylinder_setpoint=_signal(commanded, attrgetter("angular_speed")),
+        carriage_setpoint=_signal(commanded, attrgetter("feed_speed")),
+        tension=_signal(tension, float),
         predicted=predicted,
         tracked=tracked,
         corrected=corrected,
@@ -180,10 +178,10 @@ def _in_run(
     return [(t - buffer.origin, value) for t, value in buffer.readings(topic, decode)]
 
 
-def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
+def _signal(readings: list[tuple[float, Reading]], of: Callable[[Reading], float]) -> Signal:
     return Signal(
         t=np.array([t for t, _ in readings]),
-        value=np.array([getattr(reading, name) for _, reading in readings]),
+        value=np.array([of(reading) for _, reading in readings]),
     )
 
 
