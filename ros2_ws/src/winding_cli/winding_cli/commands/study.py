@@ -202,9 +202,7 @@ def _seeds(text: str) -> tuple[int, ...]:
 def _show(record: StudyRecord) -> None:
     """Print every cell, the means, the models and the verdict."""
     console = result_console()
-    _print(console, record.cells_table())
-    _print(console, record.means_table())
-    for table in record.own_tables():
+    for table in (record.cells_table(), record.means_table(), *record.own_tables()):
         _print(console, table)
     results = record.results
     if results:
