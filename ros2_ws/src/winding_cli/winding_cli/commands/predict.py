@@ -127,7 +127,7 @@ def predict(
             _print_checks(run)
             return
         if run.element != "rod" and (csv_file or vtk_file):
-            raise ValueError(f"--csv and --vtk tell of a rod, not of element {run.element}")
+            refuse(f"--csv and --vtk tell of a rod, not of element {run.element}")
         _announce(run)
         words = f"winding with the {run.element}"
         with (
