@@ -68,9 +68,7 @@ class CommandProbe:
         return int(self._publisher.get_subscription_count()) > 0
 
     async def _before_the_start(self, feed: float) -> Finding:
-        begin = self._place
-        await self._command(_LISTEN, lambda since: (begin + feed * (1.0 + since), feed))
-        moved = self._place - begin
+        moved = await self._command(_LISTEN, lambda since: (feed * (1.0 + since), feed))
         return Finding(
             promise="rig/joint_targets before rig/start: change nothing",
             kept=abs(moved) <= MOTION[1],
@@ -78,9 +76,7 @@ class CommandProbe:
         )
 
     async def _late(self, feed: float) -> Finding:
-        begin = self._place
-        await self._command(_LISTEN, lambda _: (begin, 0.0), late=_LATE)
-        moved = self._place - begin
+        moved = await self._command(_LISTEN, lambda _: (0.0, 0.0), late=_LATE)
         return Finding(
             promise=f"rig/joint_targets stamped {_LATE:g} s ago: change nothing",
             kept=abs(moved - feed * _LISTEN) <= 0.5 * feed * _LISTEN,
@@ -88,9 +84,8 @@ class CommandProbe:
         )
 
     async def _followed(self, speed: float) -> Finding:
-        begin = self._place
-        await self._command(_FOLLOWED, lambda since: (begin + speed * since, speed))
-        moved, wanted = self._place - begin, speed * _FOLLOWED
+        moved = await self._command(_FOLLOWED, lambda since: (speed * since, speed))
+        wanted = speed * _FOLLOWED
         return Finding(
             promise="rig/joint_targets while it winds: the carriage goes where it is commanded",
             kept=abs(moved - wanted) <= _TOLERANCE * wanted,
@@ -113,24 +108,25 @@ class CommandProbe:
 
     async def _command(
         self, seconds: float, wanted: Callable[[float], tuple[float, float]], late: float = 0.0
-    ) -> None:
-        """Send places [m] and speeds [m/s] for so long [s], by the time since the first.
+    ) -> float:
+        """Send ways [m] and speeds [m/s] by the time since the first; return the way gone [m].
 
         Args:
             seconds: For how long [s].
-            wanted: Returns place and speed.
+            wanted: Returns the way from where the carriage is at first, and the speed.
             late: How much older than the machine's newest sample they are stamped [s].
         """
-        begin, scale = self._probe.encoder.stamps[-1], self._axes.carriage_scale
+        first, scale = self._place, self._axes.carriage_scale
+        begin = self._probe.encoder.stamps[-1]
         while (now := self._probe.encoder.stamps[-1]) - begin < seconds:
-            place, speed = wanted(now - begin)
-            target = AxisTarget(
-                position=place / scale + self._axes.carriage_offset, speed=speed / scale
-            )
+            way, speed = wanted(now - begin)
+            position = (first + way) / scale + self._axes.carriage_offset
+            target = AxisTarget(position=position, speed=speed / scale)
             message = encode_targets(JointTargets(t=now - late, axes={CARRIAGE: target}))
             message.name = [self._axes.carriage_joint]
             self._publisher.publish(message)
             await asyncio.sleep(_PERIOD)
+        return self._place - first
 
     @property
     def _place(self) -> float:

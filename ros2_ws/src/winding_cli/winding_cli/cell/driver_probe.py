@@ -84,7 +84,10 @@ class Probe:
             topics.TENSION: _tension,
         }
         if camera:
-            wanted |= {topics.IMAGE: _image, topics.CAMERA_INFO: _calibration}
+            wanted |= {
+                topics.IMAGE: lambda message: (decode_image(message)[0], ()),
+                topics.CAMERA_INFO: lambda message: (decode_camera_info(message)[0], ()),
+            }
         self.heard = {topic.name: Heard() for topic in wanted}
         self._topics = tuple(wanted)
         for topic, decode in wanted.items():
@@ -289,13 +292,3 @@ class Probe:
 def _tension(message: Any) -> tuple[float, tuple[float, ...]]:
     t, force = decode_tension(message)
     return t, (force,)
-
-
-def _image(message: Any) -> tuple[float, tuple[float, ...]]:
-    t, _ = decode_image(message)
-    return t, ()
-
-
-def _calibration(message: Any) -> tuple[float, tuple[float, ...]]:
-    t, _ = decode_camera_info(message)
-    return t, ()

@@ -21,8 +21,10 @@ from winding_cli.terminal.ros_environment import joined, plain_node
 from winding_cli.terminal.termination import end
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay.errors import LayTolerance
+from winding_core.parameters import ParameterError, build, typed_values
 from winding_core.run_options import OperatorLimits
 from winding_core.units import MEGABYTE, MILLISECOND
+from winding_recorder.bags.description import COMPLETE, PARAMETERS, RECOVERED, BagError
 
 if TYPE_CHECKING:
     from winding_reports.records.identity import Origin
@@ -55,7 +57,6 @@ Source = Annotated[
 def info(source: Source) -> None:
     """Show what a recording holds, and what never reached the recorder."""
     from winding_recorder.bags.contents import contents
-    from winding_recorder.bags.description import COMPLETE, RECOVERED, BagError
 
     with refused(BagError, code=FAILED):
         content = contents(source)
@@ -96,7 +97,6 @@ def _wound(notes: Mapping[str, str]) -> str:
 
     from winding_core.cable.condition import Condition
     from winding_core.parameters import shown_values
-    from winding_recorder.bags.description import PARAMETERS
 
     stated: dict[str, Any] = {}
     try:
@@ -112,7 +112,6 @@ def _wound(notes: Mapping[str, str]) -> str:
 def check(source: Source) -> None:
     """Look for damage: every checksum, message, count and stamp. Exit code 1 if there is any."""
     from winding_recorder.bags.check import check as look
-    from winding_recorder.bags.description import BagError
 
     with refused(BagError, code=FAILED):
         verdict = look(source)
@@ -131,7 +130,6 @@ def recover(
     target: Annotated[Path, typer.Argument(help="New folder; the source is only read.")],
 ) -> None:
     """Make a readable recording out of one that was cut off or damaged."""
-    from winding_recorder.bags.description import BagError
     from winding_recorder.bags.recover import recover as salvage
 
     check_output_folder(target, new=True)
@@ -166,7 +164,6 @@ def play(
     The space key pauses and goes on; so do bag_player/toggle_paused (std_srvs/Trigger) and
     bag_player/set_paused (std_srvs/SetBool). The parameter position of bag_player goes to a place.
     """
-    from winding_recorder.bags.description import BagError
     from winding_recorder.playback.player import Pacing, Player
 
     with refused(ValueError):
@@ -211,7 +208,6 @@ def replay(
 
     No ROS graph is needed. Two replays of one recording give the same bytes.
     """
-    from winding_recorder.bags.description import BagError
     from winding_recorder.playback.replay import REPLAYABLE
     from winding_recorder.playback.replay import replay as feed
     from winding_ros.graph import DEFAULT_NAMESPACE
@@ -223,12 +219,8 @@ def replay(
     with refused(OSError, ValueError):
         if parameters is not None and node in REPLAYABLE:
             own = parameters_for(parameters, f"/{DEFAULT_NAMESPACE}/{REPLAYABLE[node].name}")
-    try:
+    with refused(ValueError), refused(BagError, code=FAILED):
         result = feed(source, node, tolerance=tolerance, parameters=own)
-    except BagError as error:
-        refuse(error, FAILED)
-    except ValueError as error:
-        refuse(error)
     print(f"{result.inputs} messages in, {result.refused} refused, answers {result.digest}")
     for comparison in result.comparisons:
         print(
@@ -260,9 +252,6 @@ def report(
 
     Exit code 1 if a limit that is given is not known to be kept.
     """
-    from winding_core.parameters import ParameterError, build, typed_values
-    from winding_recorder.bags.description import BagError
-
     given = {**judged, **errors}
     with refused(ValueError):
         values = typed_values(OperatorLimits, given, spelled)
@@ -284,7 +273,6 @@ def export(
 ) -> None:
     """Write a table for every topic; clouds give one row per point."""
     need_extra("tables", "winding bag export")
-    from winding_recorder.bags.description import BagError
     from winding_recorder.bags.tables import export as write
 
     check_output_folder(out, "--output", new=True)

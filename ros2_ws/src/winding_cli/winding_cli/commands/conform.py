@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from winding_cli.run.configuration import machine_axes
 from winding_cli.terminal.console import result_console
-from winding_cli.terminal.record_options import Domain, Typed, with_options
-from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.record_options import Domain, Typed, spelled, with_options
+from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import joined
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
+from winding_core.parameters import build, typed_values
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
@@ -50,8 +50,9 @@ def conform(
     ):
         if not value > 0.0:
             refuse(f"--{name} must be positive, got {value}")
-    known = machine_axes(axes)
-    with joined(domain) as place:
+    with refused(ValueError):
+        known = build(MachineAxes, typed_values(MachineAxes, axes, spelled), owner="the machine")
+    with joined(domain) as place, refused(ValueError, code=FAILED):
         try:
             findings, commanded = asyncio.run(
                 _probe(
@@ -63,8 +64,6 @@ def conform(
                     stop_within=stop_within_s,
                 )
             )
-        except ValueError as error:
-            refuse(str(error), FAILED)
         except TimeoutError as error:
             refuse(
                 f"{error}; is a driver running in namespace /{namespace}, domain {place.domain}?",

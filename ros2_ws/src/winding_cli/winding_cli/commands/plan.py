@@ -22,7 +22,7 @@ from winding_cli.terminal.output_path import (
     write_json,
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options
-from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE
 from winding_study.plans.plan_parameters import PlanParameters
 from winding_study.run_parameters import RunParameters
@@ -105,7 +105,7 @@ def plan(
         check_output_file(path, option, force=force)
     _check_options(start, tolerance_mm, slow_down, picture, period_ms, turns)
     laid: SolverLay | None = None
-    try:
+    with refused(ValueError), refused(SolverError, code=FAILED):
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
         if solver and parameters.element != "rod":
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
@@ -129,10 +129,6 @@ def plan(
         else:
             planned = plan_with()
         controlled = _controlled(planned)
-    except ValueError as error:
-        refuse(error)
-    except SolverError as error:
-        refuse(error, FAILED)
     print_plan(result_console(), planned, laid, controlled)
     missed = verdict(planned, laid, tolerance_mm)
     record = plan_record(planned)
@@ -142,7 +138,14 @@ def plan(
         "tolerance_mm": tolerance_mm,
         "missed": missed,
     }
-    _write(planned, laid, csv_file, picture, 1.0e-3 * period_ms)
+    if csv_file is not None:
+        with staged(csv_file) as place:
+            place.write_text(csv_text(planned, 1.0e-3 * period_ms), encoding="utf-8")
+    if picture is not None:
+        from winding_study.plans.plan_picture import write_plan_picture
+
+        with staged(picture) as place:
+            write_plan_picture(planned, laid, place, picture.suffix.lower())
     if json_file is not None:
         write_json(json_file, record)
     if missed:
@@ -219,23 +222,6 @@ def _controlled(planned: LayPlan) -> tuple[ExpectedLanding, ...]:
     return expected_landings(control, what, wanted, program.markers)
 
 
-def _write(
-    planned: LayPlan,
-    laid: SolverLay | None,
-    csv_file: Path | None,
-    picture: Path | None,
-    period: float,
-) -> None:
-    if csv_file is not None:
-        with staged(csv_file) as place:
-            place.write_text(csv_text(planned, period), encoding="utf-8")
-    if picture is not None:
-        from winding_study.plans.plan_picture import write_plan_picture
-
-        with staged(picture) as place:
-            write_plan_picture(planned, laid, place, picture.suffix.lower())
-
-
 def print_plan(
     console: Console,
     plan: LayPlan,
@@ -300,7 +286,7 @@ def control_record(controlled: tuple[ExpectedLanding, ...]) -> list[dict[str, An
 
 def _uncertain(controlled: tuple[ExpectedLanding, ...]) -> Iterator[str]:
     """Yield which markers may miss their angles under control, and why."""
-    missing = [item for item in controlled if not item.misses <= _bar(item.number)]
+    missing = [i for i in controlled if not i.misses <= (_FIRST if i.number == 1 else _LATER)]
     for item in missing:
         if not math.isfinite(item.misses):
             yield f"under control P{item.number} may not land by the end"
@@ -318,10 +304,6 @@ def _uncertain(controlled: tuple[ExpectedLanding, ...]) -> Iterator[str]:
             "under control the tension that reaches the cylinder is learnt from the markers that "
             "land, and the pull changes no faster than friction holds what lies"
         )
-
-
-def _bar(number: int) -> float:
-    return _FIRST if number == 1 else _LATER
 
 
 def solver_record(solver: SolverLay | None) -> dict[str, Any] | None:

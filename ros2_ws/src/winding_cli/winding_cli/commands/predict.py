@@ -29,13 +29,12 @@ from winding_cli.terminal.output_path import (
     write_json,
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options
-from winding_cli.terminal.refusal import FAILED, refuse
+from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.dynamics.state import FloatArray
-    from cable_fem_node.winding.discretisation import DiscretisationError
     from cable_fem_node.winding.expected_cost import ExpectedCost
     from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
@@ -107,7 +106,10 @@ def predict(
     force: Force = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
+    from rich.progress import TaskProgressColumn
+
     from cable_fem_node.dynamics.state import SolverError
+    from cable_fem_node.winding.discretisation import discretisation_error
 
     given = {".json": json_file, ".csv": csv_file, ".pvd": vtk_file}
     json_file, csv_file, vtk_file = by_suffix(output or (), given)
@@ -119,22 +121,32 @@ def predict(
         check_output_folder(vtk_file.with_suffix(""), "--vtk", force=force)
     if pictures < 2:
         refuse(f"--pictures must be 2 or more, got {pictures}")
-    try:
+    with refused(ValueError), refused(SolverError, code=FAILED):
         run = RunParameters.from_typed(typed, spelling=spelled).plan()
         if check:
             _print_checks(run)
             return
         if run.element != "rod" and (csv_file or vtk_file):
-            raise ValueError(f"--csv and --vtk tell of a rod, not of element {run.element}")
+            refuse(f"--csv and --vtk tell of a rod, not of element {run.element}")
         _announce(run)
-        with cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look:
-            result = _wind(run, look)
-        error_of = _discretisation(run, result) if richardson else None
-    except ValueError as error:
-        refuse(error)
-    except SolverError as error:
-        refuse(error, FAILED)
-    record = _record(result, run.element) | _error_record(error_of)
+        words = f"winding with the {run.element}"
+        with (
+            cable_files(csv_file, vtk_file, run.frame_times(), pictures) as look,
+            busy(words, TaskProgressColumn(), total=1.0) as show,
+        ):
+            result = run.wind(
+                lambda share: show(completed=share, description=words), whole=False, look=look
+            )
+        record = _record(result, run.element)
+        if richardson:
+            with busy("winding again with elements of half the length"):
+                error = discretisation_error(run, result)
+            record["discretisation_error"] = {
+                "segment_m": error.segment,
+                "finer_segment_m": error.finer_segment,
+                "theta_rad": list(map(known, error.theta)),
+                "s_m": list(map(known, error.s)),
+            }
     _print(result, record)
     if json_file is not None:
         write_json(json_file, record)
@@ -178,36 +190,6 @@ def _announce(run: PlannedRun) -> None:
     )
 
 
-def _wind(run: PlannedRun, look: Look) -> Prediction:
-    from rich.progress import TaskProgressColumn
-
-    words = f"winding with the {run.element}"
-    with busy(words, TaskProgressColumn(), total=1.0) as show:
-        return run.wind(
-            lambda share: show(completed=share, description=words), whole=False, look=look
-        )
-
-
-def _discretisation(run: PlannedRun, result: Prediction) -> DiscretisationError:
-    from cable_fem_node.winding.discretisation import discretisation_error
-
-    with busy("winding again with elements of half the length"):
-        return discretisation_error(run, result)
-
-
-def _error_record(error: DiscretisationError | None) -> dict[str, Any]:
-    if error is None:
-        return {}
-    return {
-        "discretisation_error": {
-            "segment_m": error.segment,
-            "finer_segment_m": error.finer_segment,
-            "theta_rad": list(map(known, error.theta)),
-            "s_m": list(map(known, error.s)),
-        }
-    }
-
-
 def _print(result: Prediction, record: dict[str, Any]) -> None:
     console = result_console()
     case = f"case {record['case']}" if record["case"] else "own condition"
@@ -216,18 +198,16 @@ def _print(result: Prediction, record: dict[str, Any]) -> None:
     per_turn = zip(record["cable_per_turn_m"], record["pitch_per_turn_m"], strict=True)
     turns = ((n, *both) for n, both in enumerate(per_turn, start=1))
     console.print(record_table(_TURNS, turns, title="Turns"))
-    energy, tension = result.energy, result.cable["tension"]
+    energies = ", ".join(f"{name} {joule:.3g}" for name, joule in record["energy_j"].items())
+    tension = result.cable["tension"]
     laid = max(2, result.arc.size)
     console.print(
         f"law {result.config.law}: stretch {result.stretch:.5f}, closed form "
         f"{result.stretch_closed_form:.5f} at the wound tension, {result.span_stretch:.5f} in the "
         f"span\ntension: wound {tension[:laid].min():.3f} to {tension[:laid].max():.3f} N, "
-        f"span {tension[-1]:.3f} N\nenergy [J]: kinetic {energy.kinetic:.3g}, "
-        f"internal {energy.internal:.3g}, contact {energy.contact:.3g}, "
-        f"external {energy.external:.3g}, friction {energy.friction:.3g}, "
-        f"damping {energy.damping:.3g}, relaxation {energy.relaxation:.3g}; "
-        f"balance open by {energy.balance_pct:.3g} %, "
-        f"kinetic over internal {energy.kinetic_over_internal:.2g}\n"
+        f"span {tension[-1]:.3f} N\nenergy [J]: {energies}; "
+        f"balance open by {record['energy_balance_pct']:.3g} %, "
+        f"kinetic over internal {record['kinetic_over_internal']:.2g}\n"
         f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second",
         highlight=False,
     )
@@ -264,18 +244,7 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
             "s_m": result.cable["s"].tolist(),
             "tension_n": result.cable["tension"].tolist(),
         },
-        "energy_j": {
-            name: getattr(energy, name)
-            for name in (
-                "kinetic",
-                "internal",
-                "contact",
-                "external",
-                "friction",
-                "damping",
-                "relaxation",
-            )
-        },
+        "energy_j": {name: joule for name, joule in vars(energy).items() if name != "initial"},
         "energy_balance_pct": energy.balance_pct,
         "kinetic_over_internal": energy.kinetic_over_internal,
         "stretch": result.stretch,

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from winding_reports.documents.data_table import DataTable
-    from winding_reports.records.identity import Identity
     from winding_study.paper.study_record import StudyRecord
 
 STORE = Path("runs") / "study"
@@ -101,13 +100,17 @@ def study(
     force: Force = False,
 ) -> None:
     """Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models."""
-    from cable_fem_node.winding.prediction import ELEMENTS
-    from winding_cli.offline.study_conduct import conduct
     from winding_core.cable.material_law import LAWS
     from winding_study.paper.study import StudyConfig
 
-    if element not in ELEMENTS:
-        refuse(f"element must be {' or '.join(ELEMENTS)}, got {element!r}")
+    with refused(ValueError):
+        config = StudyConfig(
+            element=element,
+            law=law or "linear",
+            segment_length=None if segment_mm is None else 1e-3 * segment_mm,
+            mass_scaling=mass_scaling,
+            duration=duration_s,
+        )
     if fem not in ("own", "published"):
         refuse(f"fem must be own or published, got {fem!r}")
     if law is not None and law not in LAWS:
@@ -124,8 +127,11 @@ def study(
     check_output_folder(report, "--output", force=force)
     check_output_folder(store, "--store")
     if closed_loop:
+        wind = evidence("closed_loop")
+        if wind is None:
+            refuse("closed_loop is evidence, and the package winding_verification is not installed")
         with refused(ValueError):
-            evidence("closed_loop")(_cases(cases), draws, processes, json, brake=brake)
+            wind(_cases(cases), draws, processes, json, brake=brake)
         return
     if calibrate_rig:
         if lengths is not None or report is not None:
@@ -136,15 +142,13 @@ def study(
         refuse("--fem published winds nothing, so it has no --lengths")
     chosen, drawn = _cases(cases), _seeds(seeds)
     drawn = drawn if models else ()
-    with refused(ValueError):
-        config = StudyConfig(
-            element=element,
-            law=law or "linear",
-            segment_length=None if segment_mm is None else 1e-3 * segment_mm,
-            mass_scaling=mass_scaling,
-            duration=duration_s,
-        )
     need_extra("train", "training models")
+    from correction_node.models.dataset import format_lengths
+    from winding_cli.offline.study_conduct import conduct
+    from winding_cli.terminal.origin import origin_here
+    from winding_study.paper.study import predicted_lengths
+    from winding_study.paper.study_record import study_identity
+
     record, stored = conduct(
         config if fem == "own" else None,
         chosen,
@@ -154,7 +158,19 @@ def study(
         steps=steps,
     )
     _show(record)
-    _deliver(record, stored=stored, report=report, json=json, lengths=lengths, seeds=drawn)
+    identity = study_identity(record, origin_here(), drawn)
+    if json is not None:
+        write_json(json, {"identity": identity.as_json(), **record.as_json()})
+    if lengths is not None:
+        with staged(lengths) as place:
+            text = format_lengths(predicted_lengths(record.results))
+            place.write_text(text, encoding="utf-8")
+    if report is not None:
+        from winding_study.paper.study_report import write_study
+
+        with staged(report) as place:
+            page = write_study(record, place, stored=stored, identity=identity)
+        print(f"Report: {report / page.name}")
 
 
 def _cases(text: str | None) -> tuple[int, ...]:
@@ -186,9 +202,7 @@ def _seeds(text: str) -> tuple[int, ...]:
 def _show(record: StudyRecord) -> None:
     """Print every cell, the means, the models and the verdict."""
     console = result_console()
-    _print(console, record.cells_table())
-    _print(console, record.means_table())
-    for table in record.own_tables():
+    for table in (record.cells_table(), record.means_table(), *record.own_tables()):
         _print(console, table)
     results = record.results
     if results:
@@ -199,41 +213,6 @@ def _show(record: StudyRecord) -> None:
             highlight=False,
         )
     console.print(record.verdict(), highlight=False)
-
-
-def _deliver(
-    record: StudyRecord,
-    *,
-    stored: int,
-    report: Path | None,
-    json: Path | None,
-    lengths: Path | None,
-    seeds: tuple[int, ...],
-) -> None:
-    """Write the files that were asked for.
-
-    Args:
-        record: What was found.
-        stored: How many of its cases were in the store.
-        report: Folder of the report; None for none.
-        json: File of all numbers; None for none.
-        lengths: File of the predicted lengths; None for none.
-        seeds: Of the networks.
-    """
-    from correction_node.models.dataset import format_lengths
-    from winding_cli.terminal.origin import origin_here
-    from winding_study.paper.study import predicted_lengths
-    from winding_study.paper.study_record import study_identity
-
-    identity = study_identity(record, origin_here(), seeds)
-    if json is not None:
-        write_json(json, {"identity": identity.as_json(), **record.as_json()})
-    if lengths is not None:
-        with staged(lengths) as place:
-            text = format_lengths(predicted_lengths(record.results))
-            place.write_text(text, encoding="utf-8")
-    if report is not None:
-        _report(record, report, stored, identity)
 
 
 def _calibrate(law: str | None, json: Path | None) -> None:
@@ -263,14 +242,6 @@ def _calibrate(law: str | None, json: Path | None) -> None:
     )
     if json is not None:
         write_json(json, {"calibration": fitted.as_json()})
-
-
-def _report(record: StudyRecord, folder: Path, stored: int, identity: Identity) -> None:
-    from winding_study.paper.study_report import write_study
-
-    with staged(folder) as place:
-        page = write_study(record, place, stored=stored, identity=identity)
-    print(f"Report: {folder / page.name}")
 
 
 def _print(console: Console, table: DataTable) -> None:

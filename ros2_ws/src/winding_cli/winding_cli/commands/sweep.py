@@ -18,7 +18,7 @@ from winding_cli.terminal.output_path import (
     check_output_folder,
     staged,
 )
-from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
+from winding_cli.terminal.refusal import FAILED, complain, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
 from winding_core.parameters import option_kinds
 from winding_core.units import MILLIMETRE
@@ -83,9 +83,9 @@ def sweep(
     force: Force = False,
 ) -> None:
     """Wind every combination of parameters that a file describes and tabulate the results."""
-    from winding_study.run_store import RunStore
+    from winding_study.run_store import RunStore, solver_version
     from winding_study.sweep.campaign import Shard
-    from winding_study.sweep.outcome import SUFFIXES
+    from winding_study.sweep.outcome import SUFFIXES, table_columns, write_table
 
     if out is not None and out.suffix not in SUFFIXES:
         refuse(f"--output must end in {', '.join(SUFFIXES)}, got {out.name}")
@@ -104,7 +104,12 @@ def sweep(
         refuse(f"{missing} of {len(plan.runs)} runs are not in {store} yet", FAILED)
     if missing:
         done = _wind(plan, done, winder, kept)
-    _deliver(plan, done, varied, out)
+    columns = table_columns(plan.numbers, plan.keys, plan.inputs, done, solver=solver_version())
+    print_summary(columns, varied)
+    if out is not None:
+        with staged(out) as place:
+            write_table(place, columns)
+        complain(f"wrote {out}: {len(plan.keys)} rows")
 
 
 def _engine(
@@ -174,7 +179,7 @@ def _name(spec: SweepSpec, number: int, given: dict[str, Value]) -> str:
 def _stored(store: RunStore, plan: Plan, part: Any) -> dict[str, Arrays]:
     from winding_study.sweep.campaign import stored_results
 
-    _say(
+    complain(
         f"{len(plan.runs)} runs"
         + (f" in shard {part.number}/{part.count}" if part.count > 1 else "")
     )
@@ -182,10 +187,10 @@ def _stored(store: RunStore, plan: Plan, part: Any) -> dict[str, Arrays]:
         return {}
     left = store.remove_unfinished(before=time.time() - ABANDONED)
     if left:
-        _say(f"{left} files that killed processes left unfinished were removed")
-    done = stored_results(store, plan.keys, _say)
+        complain(f"{left} files that killed processes left unfinished were removed")
+    done = stored_results(store, plan.keys, complain)
     if done:
-        _say(f"{len(done)} of them are in {store.folder} already")
+        complain(f"{len(done)} of them are in {store.folder} already")
     return done
 
 
@@ -235,24 +240,6 @@ def _wind(
 def _kept(plan: Plan, store: RunStore) -> str:
     count = sum(store.path(key).exists() for key in plan.runs)
     return f"{count} of {len(plan.runs)} runs are in {store.folder}"
-
-
-def _deliver(
-    plan: Plan, results: dict[str, Arrays], varied: tuple[str, ...], out: Path | None
-) -> None:
-    from winding_study.run_store import solver_version
-    from winding_study.sweep.outcome import table_columns, write_table
-
-    columns = table_columns(plan.numbers, plan.keys, plan.inputs, results, solver=solver_version())
-    print_summary(columns, varied)
-    if out is not None:
-        with staged(out) as place:
-            write_table(place, columns)
-        _say(f"wrote {out}: {len(plan.keys)} rows")
-
-
-def _say(sentence: str) -> None:
-    typer.echo(f"winding: {sentence}", err=True)
 
 
 def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:

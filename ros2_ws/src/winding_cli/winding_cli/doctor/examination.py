@@ -61,7 +61,8 @@ def examine(
     if domain_refusal:
         yield fail("domain", domain_refusal, "unset ROS_DOMAIN_ID, or set it")
     else:
-        yield network.judge_domain(domain, source, _port_range())
+        first, last = _numbers(_PORT_RANGE, 2) or _DEFAULT_PORTS
+        yield network.judge_domain(domain, source, (first, last))
     yield _looked("participant ports", lambda: network.judge_ports(domain, udp_ports()))
     yield _looked(
         "graphs in the domain",
@@ -80,7 +81,7 @@ def examine(
     yield host.judge_memory(psutil.virtual_memory().available)
     soft, _ = psutil.Process().rlimit(psutil.RLIMIT_NOFILE)
     yield host.judge_open_files(int(soft) if soft >= 0 else sys.maxsize)
-    yield host.judge_receive_buffer(_receive_buffer())
+    yield host.judge_receive_buffer(next(iter(_numbers(_RECEIVE_BUFFER, 1)), None))
     yield judge_addresses(installed())
 
 
@@ -102,19 +103,13 @@ def _looked(check: str, look: Callable[[], Finding]) -> Finding:
         return warn(check, f"cannot tell: {error}", "look at it by hand")
 
 
-def _port_range() -> tuple[int, int]:
+def _numbers(path: Path, count: int) -> tuple[int, ...]:
+    """Return the numbers that a file of the kernel holds; none where there are not so many."""
     try:
-        first, last = map(int, _PORT_RANGE.read_text(encoding="ascii").split())
+        found = tuple(map(int, path.read_text(encoding="ascii").split()))
     except (OSError, ValueError):
-        return _DEFAULT_PORTS
-    return first, last
-
-
-def _receive_buffer() -> int | None:
-    try:
-        return int(_RECEIVE_BUFFER.read_text(encoding="ascii"))
-    except (OSError, ValueError):
-        return None
+        return ()
+    return found if len(found) == count else ()
 
 
 def _clock_pairs() -> Iterator[host.ClockPair]:

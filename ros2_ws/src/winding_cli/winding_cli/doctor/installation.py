@@ -97,13 +97,14 @@ def _judge(module: str, result: Imported) -> Finding:
     if result.error:
         source = ", or source /opt/ros/jazzy/setup.bash" if extra == "ros" else ""
         return fail(check, result.error, install + source)
-    version = _version(distribution) or "version unknown"
+    version = version_of(distribution) or "version unknown"
     if result.remark:
         return warn(check, f"{version}: {result.remark}", install)
     return ok(check, version)
 
 
-def _version(distribution: str) -> str:
+def version_of(distribution: str) -> str:
+    """Return the version of an installed distribution; empty where it is not installed."""
     try:
         return metadata.version(distribution)
     except metadata.PackageNotFoundError:
@@ -147,7 +148,7 @@ def _import(name: str) -> Imported:
         return Imported(
             remark="a build for GPUs; the graph uses the processor alone and loads slower with it"
         )
-    if name == "cv2" and not _version(WHEELS[name][0]) and _version("opencv-python"):
+    if name == "cv2" and not version_of(WHEELS[name][0]) and version_of("opencv-python"):
         return Imported(
             remark="opencv-python brings a desktop's libraries; the headless one is tested"
         )

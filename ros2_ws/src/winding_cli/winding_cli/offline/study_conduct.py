@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import sys
 import time
-from collections.abc import Callable
-from importlib.metadata import entry_points
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from winding_cli.terminal.console import busy
-from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_cli.terminal.refusal import FAILED, evidence, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
 
 if TYPE_CHECKING:
@@ -51,6 +49,11 @@ def conduct(
         comparison = beside_experiment(config, cases, results)
     try:
         with interruptible(), busy("learning") as show:
+            tables = evidence("correction")
+            if tables is None:
+                _say(
+                    "winding_verification is not installed: no tables of evidence on the correction"
+                )
             record = study_record(
                 config,
                 cases,
@@ -58,7 +61,7 @@ def conduct(
                 comparison,
                 seeds=seeds,
                 steps=steps,
-                evidence=_evidence(),
+                evidence=tables,
                 progress=lambda text: show(description=text),
             )
     except KeyboardInterrupt:
@@ -117,15 +120,6 @@ def _wind(
         refuse(f"{error}; the other cases are in {folder}", FAILED)
     except OSError as error:
         refuse(f"cannot write to {folder}: {error.strerror or error}; give another --store", FAILED)
-
-
-def _evidence() -> Callable[..., Any] | None:
-    """Return what makes the tables of evidence, or None where it is not installed."""
-    for point in entry_points(group="winding.evidence", name="correction"):
-        tables: Callable[..., Any] = point.load()
-        return tables
-    _say("winding_verification is not installed: no tables of evidence on the correction")
-    return None
 
 
 def _keys(config: StudyConfig, cases: tuple[int, ...]) -> list[str]:

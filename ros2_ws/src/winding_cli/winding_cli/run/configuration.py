@@ -7,23 +7,21 @@ import socket
 import sys
 import time
 from collections.abc import Mapping
+from dataclasses import asdict
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cable_fem_node.winding.winding_config import SolverParameters
-from winding_cli.run.wanted_lay import lead_of
 from winding_cli.terminal.output_path import (
     STANDARD_OUTPUT,
     check_output_file,
     check_output_folder,
 )
-from winding_cli.terminal.record_options import Typed, spelled
-from winding_cli.terminal.refusal import refuse, refused
-from winding_cli.terminal.ros_environment import refuse_open
+from winding_cli.terminal.refusal import refuse
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.camera_source import CameraSource
-from winding_core.parameters import ParameterError, build, declared_in, typed_values
+from winding_core.parameters import ParameterError, build, declared_in
 from winding_core.run_options import BY_MOTION, CameraPlacement
 from winding_core.run_spec import RunSpec
 
@@ -43,8 +41,11 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
 
     Raises:
         ParameterError: A file, a camera, a node's parameter or the page cannot be had.
+        SecurityError: A node is not held to its policy.
     """
-    from winding_ros.graph import RIG, parameters_of
+    from winding_ros.access_policy import Participants
+    from winding_ros.graph import RIG, members, parameters_of
+    from winding_ros.security import check_security
     from winding_supervisor.session.run_config import RunConfig
 
     graph = spec.graph
@@ -56,13 +57,10 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
         label = spec.source.label("parameters")
         raise ParameterError(f"{label}: there is no file {graph.parameters}")
     if graph.secure:
-        refuse_open(
-            graph.namespace,
-            page=spec.page.dashboard,
-            external=spec.external,
-            camera=spec.camera.camera,
-            control=spec.controlled,
-        )
+        nodes = members(external=spec.external, camera=spec.camera.camera, control=spec.controlled)
+        # Their policies, and that of the page where there is one.
+        taking_part = Participants(graph=nodes, page=spec.page.dashboard)
+        check_security(graph.namespace, taking_part=taking_part)
     machine = _external_machine(spec) if spec.external else None
     if machine is None:
         with spec.source.at("lay"):
@@ -106,6 +104,28 @@ def _external_machine(spec: RunSpec) -> ExternalMachineConfig:
     )
 
 
+def lead_of(spec: RunSpec) -> float:
+    """Return by how much the guide of a wanted lay goes ahead of the cable at first [m].
+
+    Raises:
+        ParameterError: No controller can lay what is wanted.
+    """
+    from lay_control_node.ros.parameters import LayControlParameters
+
+    if not spec.controlled:
+        return 0.0
+    values = {**asdict(spec.condition), **spec.asked("lay")}
+    wish = build(LayControlParameters, values, owner="winding run")
+    try:
+        controller = wish.new_controller()
+    except ValueError as error:
+        if spec.lay.program:
+            raise ParameterError(f"{spec.source.label('program')}: {error}") from error
+        spec.source.refuse("lay:", error)
+    what = spec.condition.resolved()
+    return controller.wanted.at(0.0).slope * what.free_length / what.case.centreline_radius
+
+
 def _check_camera(spec: RunSpec) -> None:
     """Refuse a camera that the tracker's process could not open."""
     if spec.camera.compose and spec.external:
@@ -143,12 +163,6 @@ def _check_nodes(spec: RunSpec, config: RunConfig) -> None:
     if name := config.parameters()[topics.CORRECTION].get("weights"):
         with spec.source.at("weights"):
             load_factor(weights_directory(str(name)))
-
-
-def machine_axes(typed: Typed) -> MachineAxes:
-    """Return the axes that were typed; end the command when they contradict each other."""
-    with refused(ParameterError, ValueError):
-        return build(MachineAxes, typed_values(MachineAxes, typed, spelled), owner="the machine")
 
 
 def _page_parameters(spec: RunSpec) -> dict[str, object]:

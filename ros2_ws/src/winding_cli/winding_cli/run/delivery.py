@@ -75,37 +75,27 @@ class RunDelivery:
         A disk that takes no more ends no session: the operator winds on, and the command fails at
         its end.
         """
-        # The condition of a machine with a driver of its own is the command line's in every run.
-        if not self._operated or self._spec.external:
-            return self._deliver(self._spec.condition, result)
-        condition = operated_condition(self._spec.condition, result)
-        return None if condition is None else self._deliver(condition, result)
-
-    @property
-    def flawed(self) -> bool:
-        """Whether the command fails at its end."""
-        return bool(self._flaws)
-
-    def end(self) -> None:
-        """End the command as its runs came out."""
-        if self._operated and not self._count:
-            print("the operator ended the run before anything was wound", flush=True)
-        if self._flaws:
-            refuse(self._flaws[-1], FAILED)
-
-    def _deliver(self, condition: Condition, result: RunResult) -> RunOutcome:
         from winding_cli.run.outcome import asked_extent
         from winding_cli.run.record import run_record
         from winding_cli.terminal.origin import origin_here
 
         spec, machine = self._spec, self._config.machine
+        condition = spec.condition
+        # The condition of a machine with a driver of its own is the command line's in every run.
+        chosen = self._operated and machine is None
+        if chosen:
+            if not result.wound or result.buffer.time <= 0.0:
+                return None
+            stated = declared_in(Condition, result.wound)
+            condition = build(Condition, stated, owner="the run")
         self._count += 1
         parameters = self._config.parameters()
         if result.wound:
             parameters[_RIG] |= result.wound
-        folder = self._folder()
+        # The first run has the command's own folder.
+        folder = self._directory / ("" if self._count == 1 else f"run-{self._count}")
         asked = asked_extent(condition, None if machine is None else machine.end_angle)
-        if self._operated and machine is None:
+        if chosen:
             condition = replace(condition, duration=min(condition.duration, result.buffer.time))
         record = run_record(
             condition,
@@ -133,6 +123,18 @@ class RunDelivery:
             self._flaws.append(found)
         return record.outcome
 
+    @property
+    def flawed(self) -> bool:
+        """Whether the command fails at its end."""
+        return bool(self._flaws)
+
+    def end(self) -> None:
+        """End the command as its runs came out."""
+        if self._operated and not self._count:
+            print("the operator ended the run before anything was wound", flush=True)
+        if self._flaws:
+            refuse(self._flaws[-1], FAILED)
+
     def _rescue(self, record: RunRecord, error: OSError) -> None:
         """Write the numbers where there is room for them: the run's own place takes no more."""
         from winding_reports.records.run_record import write_run_json
@@ -143,30 +145,12 @@ class RunDelivery:
         complain(sentence)
         self._flaws.append(sentence)
 
-    def _folder(self) -> Path:
-        """Return the folder of the present run: the first has the command's own."""
-        first = self._count == 1
-        return self._directory if first else self._directory / f"run-{self._count}"
-
     def _numbered(self, option: str) -> Path | None:
         """Return where the first run's file would be, or that of the present run beside it."""
         path = self._spec.path(option)
         if path is None or path == STANDARD_OUTPUT or self._count == 1:
             return path
         return path.with_name(f"{path.stem}-{self._count}{path.suffix}")
-
-
-def operated_condition(condition: Condition, result: RunResult) -> Condition | None:
-    """Return what the operator was to wind; None when nothing was wound.
-
-    Args:
-        condition: Of the command line.
-        result: Of the session.
-    """
-    if not result.wound or result.buffer.time <= 0.0:
-        return None
-    stated = declared_in(type(condition), result.wound)
-    return build(type(condition), stated, owner="the run")
 
 
 def write(
@@ -190,6 +174,7 @@ def write(
     """
     from winding_reports.records.run_record import run_json, write_run_json
     from winding_reports.run_report.report import write_report
+    from winding_reports.trace import write_chrome_trace
 
     if json == STANDARD_OUTPUT:
         write_json(json, run_json(record))
@@ -200,19 +185,13 @@ def write(
         page = report / write_report(record, place).name
     files = [("report", page), ("numbers", json), *(("bag", bag) for bag in bags)]
     if trace is not None and result is not None:
-        _write_trace(record, result, trace)
+        assert record.trace is not None
+        assert result.trace is not None
+        with staging(trace) as place:
+            write_chrome_trace(record.trace, result.trace, place)
         files.append(("trace", trace))
     for name, path in files:
         result_console().print(f"{name}: {path}", soft_wrap=True)
-
-
-def _write_trace(record: RunRecord, result: RunResult, path: Path) -> None:
-    from winding_reports.trace import write_chrome_trace
-
-    assert record.trace is not None
-    assert result.trace is not None
-    with staging(path) as place:
-        write_chrome_trace(record.trace, result.trace, place)
 
 
 def show(record: RunRecord) -> None:

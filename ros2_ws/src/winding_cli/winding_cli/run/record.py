@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -16,7 +16,6 @@ from winding_cli.run.outcome import run_outcome
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.helix import curve_length
-from winding_core.machine.readings import AxisReading
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value, declarations
 from winding_core.run_options import OperatorLimits
@@ -81,7 +80,9 @@ def run_record(
     published = published_markers(case.number) if case.is_published else ()
     experiment = {item.marker: item.experiment.s for item in published if item.experiment}
     final = _final_corrections(buffer)
-    factor = used_factor(_last_status(buffer, topics.CORRECTION), what)
+    corrected_by = _last_status(buffer, topics.CORRECTION)
+    weights, digest = (corrected_by.get(key, "") for key in ("weights", "weights_sha256"))
+    held_out = _held_out(weights, digest, what)
     reached = buffer.time
     missing = _gaps
     if result.simulated:
@@ -94,26 +95,24 @@ def run_record(
     lay = recorded_outcome(buffer, condition, tracked, wish, limits.lay_tolerance)
     published_lay = case.is_published and lay is None and laid_as_published
     rows = tuple(
-        _row(
-            marker,
-            case.original_length(marker),
-            mean_length(tracked.of(marker), case.centreline_radius),
-            final.get(marker),
-            experiment.get(marker),
-            factor.held_out.get(marker),
+        MarkerRow(
+            id=marker,
+            original=case.original_length(marker),
+            s_tracked=mean_length(tracked.of(marker), case.centreline_radius),
+            s_published=experiment.get(marker),
+            h_held_out=held_out.get(marker) if marker in final else None,
+            **_corrected(final.get(marker)),
         )
         for marker in range(1, case.marker_count + 1)
     )
     return RunRecord(
         case=case,
         drive=what.drive,
-        cylinder_speed=_signal(measured, "angular_speed"),
-        carriage_speed=_signal(measured, "feed_speed"),
-        cylinder_setpoint=_signal(commanded, "angular_speed"),
-        carriage_setpoint=_signal(commanded, "feed_speed"),
-        tension=Signal(
-            t=np.array([t for t, _ in tension]), value=np.array([force for _, force in tension])
-        ),
+        cylinder_speed=_signal(measured, attrgetter("angular_speed")),
+        carriage_speed=_signal(measured, attrgetter("feed_speed")),
+        cylinder_setpoint=_signal(commanded, attrgetter("angular_speed")),
+        carriage_setpoint=_signal(commanded, attrgetter("feed_speed")),
+        tension=_signal(tension, float),
         predicted=predicted,
         tracked=tracked,
         corrected=corrected,
@@ -134,15 +133,15 @@ def run_record(
         # A recording does not say how long its run took.
         wall_s=result.wall_s or None,
         sim_s=reached,
-        facts=_facts(buffer),
+        facts=_facts(buffer, corrected_by),
         trace=None if result.trace is None else length_trace(result.trace),
         lay=lay,
         identity=Identity(
             origin=origin,
             seeds=(rig["seed"],) if rig else (),
             bags=tuple(str(bag.absolute()) for bag in result.bags),
-            weights=factor.weights,
-            weights_sha256=factor.sha256,
+            weights=weights,
+            weights_sha256=digest,
             condition=condition_quantities(condition),
         ),
         cable=last_cable(buffer, case),
@@ -179,10 +178,10 @@ def _in_run(
     return [(t - buffer.origin, value) for t, value in buffer.readings(topic, decode)]
 
 
-def _signal(readings: list[tuple[float, AxisReading]], name: str) -> Signal:
+def _signal(readings: list[tuple[float, Reading]], of: Callable[[Reading], float]) -> Signal:
     return Signal(
         t=np.array([t for t, _ in readings]),
-        value=np.array([getattr(reading, name) for _, reading in readings]),
+        value=np.array([of(reading) for _, reading in readings]),
     )
 
 
@@ -227,37 +226,20 @@ def _final_corrections(buffer: RunBuffer) -> dict[int, np.void]:
     return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
 
 
-def _row(
-    marker: int,
-    original: float,
-    tracked: float | None,
-    correction: np.void | None,
-    published: float | None,
-    held_out: float | None,
-) -> MarkerRow:
+def _corrected(correction: np.void | None) -> dict[str, float]:
+    """Return what a marker's row has of its correction, lengths in metres; nothing without one."""
     if correction is None:
-        return MarkerRow(id=marker, original=original, s_tracked=tracked, s_published=published)
-    return MarkerRow(
-        id=marker,
-        original=original,
-        s_fem=float(correction["s_fem"]),
-        s_tracked=tracked,
-        h=float(correction["h"]),
-        h_held_out=held_out,
-        s_corrected=float(correction["s"]),
-        s_low=float(correction["s_low"]),
-        s_high=float(correction["s_high"]),
-        s_published=published,
-    )
+        return {}
+    fields = {"s_fem": "s_fem", "h": "h", "s_corrected": "s", "s_low": "s_low", "s_high": "s_high"}
+    return {name: float(correction[own]) for name, own in fields.items()}
 
 
-def _facts(buffer: RunBuffer) -> dict[str, str]:
+def _facts(buffer: RunBuffer, corrected: Mapping[str, str]) -> dict[str, str]:
     facts = {}
     votes = buffer.newest(topics.CORRECTION_CASE, decode_case_votes)
     if votes is not None and votes[1]:
         case, share = next(iter(votes[1].items()))
         facts["resembles"] = f"case {case}, {share:.0%} of the votes"
-    corrected = _last_status(buffer, topics.CORRECTION)
     if "weights" in corrected:
         facts["trained weight"] = corrected["weights"]
         facts["its mean error over all cases"] = (
@@ -310,32 +292,14 @@ def _notes(*, published: bool, controlled: bool, laid_as_published: bool) -> tup
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class UsedFactor:
-    """The learned factor of a run.
-
-    Attributes:
-        held_out: h by marker of the training that never saw the run's case; empty where there is
-            none.
-    """
-
-    weights: str = ""  # Shipped name or folder; empty for a run without a correction
-    sha256: str = ""  # Of its numbers; empty where the run did not say it
-    held_out: Mapping[int, float]
-
-
-def used_factor(status: Mapping[str, str], what: ResolvedCondition) -> UsedFactor:
-    """Return the factor that the correction's diagnostics name.
+def _held_out(weights: str, digest: str, what: ResolvedCondition) -> dict[int, float]:
+    """Return h by marker of the training that never saw the run's case; empty without one.
 
     Args:
-        status: Values of the last diagnostics of the correction.
+        weights: Shipped name or folder; empty for a run without a correction.
+        digest: SHA-256 of its numbers; empty where the run did not say it.
         what: What was wound.
     """
-    weights, digest = status.get("weights", ""), status.get("weights_sha256", "")
-    return UsedFactor(weights=weights, sha256=digest, held_out=_held_out(weights, digest, what))
-
-
-def _held_out(weights: str, digest: str, what: ResolvedCondition) -> dict[int, float]:
     number = what.case.number
     if not (digest and number):
         return {}

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 import sys
-import threading
 from collections.abc import Callable
 from functools import partial
 from importlib import import_module
-from typing import TYPE_CHECKING, NoReturn
+from threading import Thread
+from typing import NoReturn
 
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
@@ -16,24 +16,25 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from winding_cli.run.delivery import RunDelivery
 from winding_cli.terminal.console import Shown, record_table
-from winding_cli.terminal.refusal import FAILED, complain, fail, refuse
+from winding_cli.terminal.refusal import FAILED, complain, fail, refused
 from winding_cli.terminal.termination import end
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.run_outcome import EndedBy
 from winding_core.units import MILLIMETRE
+from winding_recorder.live.recorder import RecorderError
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
+from winding_ros.graph import GraphError
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
-
-if TYPE_CHECKING:
-    from winding_cli.run.delivery import RunDelivery
-    from winding_supervisor.session.run import Run
-    from winding_supervisor.session.run_config import RunConfig
+from winding_supervisor.session.domain_lock import DomainError
+from winding_supervisor.session.run import Run, opened_run
+from winding_supervisor.session.run_config import RunConfig, RunFolderError
 
 _FIRST_WORDS = "starting the nodes; the first start after an install compiles kernels for a minute"
 
@@ -48,33 +49,27 @@ def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | N
     Returns:
         How the command is to end if it ended early.
     """
-    from winding_recorder.live.recorder import RecorderError
-    from winding_ros.graph import GraphError
-    from winding_supervisor.session.domain_lock import DomainError
-    from winding_supervisor.session.run import opened_run
-    from winding_supervisor.session.run_config import RunFolderError
-
     interrupted = partial(end, "interrupted; the nodes are stopped")
     ending: Callable[[], NoReturn] | None = None
-    try:
-        with opened_run(config) as run:
-            delivery.begin(run.config.directory)
-            import_early("winding_reports.run_report.report")
-            try:
-                _watch(run, config.spec.condition, delivery)
-            except (GraphError, TimeoutError, OSError) as error:
-                complain(error)
-                ending = fail
-            except KeyboardInterrupt:
+    with (
+        refused(DomainError, RecorderError, RunFolderError),
+        refused(OSError, code=FAILED),
+        opened_run(config) as run,
+    ):
+        delivery.begin(run.config.directory)
+        # Beside everything else; whoever imports it later waits for that.
+        Thread(target=import_module, args=("winding_reports.run_report.report",)).start()
+        try:
+            _watch(run, config.spec.condition, delivery)
+        except (GraphError, TimeoutError, OSError) as error:
+            complain(error)
+            ending = fail
+        except KeyboardInterrupt:
+            ending = interrupted
+        for result in run.remains():
+            delivery.deliver(result)
+            if result.ending.by is EndedBy.SIGNAL:
                 ending = interrupted
-            for result in run.remains():
-                delivery.deliver(result)
-                if result.ending.by is EndedBy.SIGNAL:
-                    ending = interrupted
-    except (DomainError, RecorderError, RunFolderError) as error:
-        refuse(error)
-    except OSError as error:
-        refuse(error, FAILED)
     # A machine that may still turn is more than an interruption.
     return None if ending is interrupted and delivery.flawed else ending
 
@@ -82,113 +77,86 @@ def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | N
 def _watch(run: Run, condition: Condition, delivery: RunDelivery) -> None:
     console = Console(stderr=True)
     if not console.is_terminal:
-        lines = ProgressLines(condition.duration, _FIRST_WORDS)
-        run.wind(lines, print_sentence, delivery.deliver)
+        print(_FIRST_WORDS, file=sys.stderr, flush=True)
+        printed = 0
+
+        def line(buffer: RunBuffer, wall: float) -> None:
+            """Print for a log how far the run has come, at every tenth of it."""
+            nonlocal printed
+            t = buffer.time
+            tenth = int(10.0 * t / condition.duration)
+            if tenth > printed:
+                printed = tenth
+                print(
+                    f"{t:6.2f} of {condition.duration:.2f} s simulated, {wall:.1f} s on the clock",
+                    file=sys.stderr,
+                    flush=True,
+                )
+
+        run.wind(line, partial(print, flush=True), delivery.deliver)
         return
     with Live(Text(_FIRST_WORDS), console=console, transient=True) as live:
 
         def view(buffer: RunBuffer, wall: float) -> None:
-            picture = LiveView(condition.resolved().case, condition.duration, buffer)
-            live.update(picture.render(wall))
+            live.update(_picture(condition, buffer, wall))
 
         run.wind(view, live.console.print, delivery.deliver)
 
 
-class LiveView:
-    """Draws the newest state of a run from its buffer."""
-
-    def __init__(self, case: Case, duration: float, buffer: RunBuffer) -> None:
-        self._case = case
-        self._duration = duration
-        self._buffer = buffer
-
-    def render(self, wall: float) -> RenderableType:
-        """Return the present picture, `wall` seconds after the start."""
-        reading = self._buffer.newest_axis_reading()
-        if reading is None:
-            return Text("waiting for the first encoder sample")
-        _, measured = reading
-        t = self._buffer.time
-        command = self._buffer.newest(topics.JOINT_COMMANDS, decode_joint_state)
-        wanted = command[1] if command is not None else None
-        tension = self._buffer.newest(topics.TENSION, decode_tension)
-        machine = Table.grid(padding=(0, 2))
-        machine.add_row(
-            "simulated",
-            f"{t:6.2f} of {self._duration:.2f} s",
-            f"x{t / wall:.2f} of real time" if wall > 0.0 else "",
-        )
-        machine.add_row(
-            "cylinder",
-            f"{measured.angular_speed:6.3f} rad/s",
-            f"target {wanted.angular_speed:.3f}" if wanted else "",
-            f"{measured.cylinder_angle / (2.0 * math.pi):.2f} turns",
-        )
-        machine.add_row(
-            "carriage",
-            f"{measured.feed_speed / MILLIMETRE:6.3f} mm/s",
-            f"target {wanted.feed_speed / MILLIMETRE:.3f}" if wanted else "",
-            f"{measured.carriage_position / MILLIMETRE:.1f} mm",
-        )
-        machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
-        bar = ProgressBar(total=self._duration, completed=min(t, self._duration), width=60)
-        return Group(bar, machine, self._lengths())
-
-    def _lengths(self) -> Table:
-        columns = [
-            Shown("marker", lambda marker: f"P{marker}"),
-            Shown("original mm", self._case.original_length, ".1f", MILLIMETRE),
-        ]
-        for name, topic in (
-            ("predicted", topics.FEM_MARKERS),
-            ("measured", topics.TRACKED_MARKERS),
-            ("corrected", topics.CORRECTED_MARKERS),
-        ):
-            length = self._markers(topic).get
-            columns.append(Shown(f"{name} mm", length, ".1f", MILLIMETRE, "not wound"))
-        markers = range(1, self._case.marker_count + 1)
-        return record_table(columns, markers, words=1, box=None, padding=(0, 2))
-
-    def _markers(self, topic: Topic) -> dict[int, float]:
-        dtype = CORRECTED_DTYPE if topic is topics.CORRECTED_MARKERS else MARKER_DTYPE
-        newest = self._buffer.newest(topic, partial(decode_cloud, dtype=dtype))
-        if newest is None:
-            return {}
-        _, markers = newest
-        return {
-            int(marker): float(length)
-            for marker, length in zip(
-                markers["id"][is_wound(markers)], markers["s"][is_wound(markers)], strict=True
-            )
-        }
+def _picture(condition: Condition, buffer: RunBuffer, wall: float) -> RenderableType:
+    """Return the newest state of a run, `wall` seconds after its start."""
+    reading = buffer.newest_axis_reading()
+    if reading is None:
+        return Text("waiting for the first encoder sample")
+    _, measured = reading
+    t = buffer.time
+    command = buffer.newest(topics.JOINT_COMMANDS, decode_joint_state)
+    wanted = command[1] if command is not None else None
+    tension = buffer.newest(topics.TENSION, decode_tension)
+    machine = Table.grid(padding=(0, 2))
+    machine.add_row(
+        "simulated",
+        f"{t:6.2f} of {condition.duration:.2f} s",
+        f"x{t / wall:.2f} of real time" if wall > 0.0 else "",
+    )
+    machine.add_row(
+        "cylinder",
+        f"{measured.angular_speed:6.3f} rad/s",
+        f"target {wanted.angular_speed:.3f}" if wanted else "",
+        f"{measured.cylinder_angle / (2.0 * math.pi):.2f} turns",
+    )
+    machine.add_row(
+        "carriage",
+        f"{measured.feed_speed / MILLIMETRE:6.3f} mm/s",
+        f"target {wanted.feed_speed / MILLIMETRE:.3f}" if wanted else "",
+        f"{measured.carriage_position / MILLIMETRE:.1f} mm",
+    )
+    machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
+    bar = ProgressBar(total=condition.duration, completed=min(t, condition.duration), width=60)
+    return Group(bar, machine, _lengths(condition.resolved().case, buffer))
 
 
-def print_sentence(sentence: str) -> None:
-    """Print a sentence at once."""
-    print(sentence, flush=True)
+def _lengths(case: Case, buffer: RunBuffer) -> Table:
+    columns = [
+        Shown("marker", lambda marker: f"P{marker}"),
+        Shown("original mm", case.original_length, ".1f", MILLIMETRE),
+    ]
+    for name, topic in (
+        ("predicted", topics.FEM_MARKERS),
+        ("measured", topics.TRACKED_MARKERS),
+        ("corrected", topics.CORRECTED_MARKERS),
+    ):
+        length = _markers(buffer, topic).get
+        columns.append(Shown(f"{name} mm", length, ".1f", MILLIMETRE, "not wound"))
+    markers = range(1, case.marker_count + 1)
+    return record_table(columns, markers, words=1, box=None, padding=(0, 2))
 
 
-class ProgressLines:
-    """Progress for a log file: a line for every tenth of the run."""
-
-    def __init__(self, duration: float, first_words: str) -> None:
-        self._duration = duration
-        self._printed = 0
-        print(first_words, file=sys.stderr, flush=True)
-
-    def __call__(self, buffer: RunBuffer, wall: float) -> None:
-        """Print how far a run has come after a wall time [s], if that is a tenth further."""
-        t = buffer.time
-        tenth = int(10.0 * t / self._duration)
-        if tenth > self._printed:
-            self._printed = tenth
-            print(
-                f"{t:6.2f} of {self._duration:.2f} s simulated, {wall:.1f} s on the clock",
-                file=sys.stderr,
-                flush=True,
-            )
-
-
-def import_early(module: str) -> None:
-    """Begin to import a module beside everything else; whoever imports it later waits for that."""
-    threading.Thread(target=import_module, args=(module,), name=f"import {module}").start()
+def _markers(buffer: RunBuffer, topic: Topic) -> dict[int, float]:
+    dtype = CORRECTED_DTYPE if topic is topics.CORRECTED_MARKERS else MARKER_DTYPE
+    newest = buffer.newest(topic, partial(decode_cloud, dtype=dtype))
+    if newest is None:
+        return {}
+    _, markers = newest
+    wound = markers[is_wound(markers)]
+    return dict(zip(wound["id"].tolist(), wound["s"].tolist(), strict=True))

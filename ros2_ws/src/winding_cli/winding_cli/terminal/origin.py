@@ -6,8 +6,8 @@ import platform
 import secrets
 import socket
 from datetime import UTC, datetime
-from importlib import metadata
 
+from winding_cli.doctor.installation import version_of
 from winding_reports.records.identity import LIBRARIES, Origin
 
 # Wheels of PyPI and packages of ROS call the same module differently; so do pip and colcon.
@@ -33,9 +33,4 @@ def origin_here(began: datetime | None = None) -> Origin:
 
 
 def _version(*distributions: str) -> str:
-    for name in distributions:
-        try:
-            return metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
-    return ""
+    return next(filter(None, map(version_of, distributions)), "")

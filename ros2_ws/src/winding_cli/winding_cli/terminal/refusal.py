@@ -54,13 +54,11 @@ def need_extra(extra: str, what: str) -> None:
         refuse(f"{what} needs {' and '.join(missing)}: pip install 'cable-winding-twin[{extra}]'")
 
 
-def evidence(name: str) -> Callable[..., Any]:
-    """Return what the package of evidence brings under a name; end the command without it.
+def evidence(name: str) -> Callable[..., Any] | None:
+    """Return what the package of evidence brings under a name; None where it is not installed.
 
     Args:
         name: Of an entry point of the group `winding.evidence`.
     """
-    for point in entry_points(group="winding.evidence", name=name):
-        loaded: Callable[..., Any] = point.load()
-        return loaded
-    refuse(f"{name} is evidence, and the package winding_verification is not installed")
+    points = entry_points(group="winding.evidence", name=name)
+    return next((point.load() for point in points), None)

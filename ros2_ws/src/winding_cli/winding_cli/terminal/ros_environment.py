@@ -34,25 +34,6 @@ def check_namespace(namespace: str) -> None:
         refuse(f"namespace must be made of letters, digits, _ and /, got {namespace!r}")
 
 
-def refuse_open(namespace: str, *, page: bool, external: bool, camera: bool, control: bool) -> None:
-    """Refuse a run whose nodes, and page where there is one, are not held to their policies.
-
-    Args:
-        namespace: Of the graph.
-        page: Whether an operator's page is served.
-        external: Whether the machine has a driver of its own.
-        camera: Whether an external machine has a camera.
-        control: Whether the lay is controlled.
-    """
-    from winding_ros.access_policy import Participants
-    from winding_ros.graph import members
-    from winding_ros.security import SecurityError, check_security
-
-    nodes = members(external=external, camera=camera, control=control)
-    with refused(SecurityError):
-        check_security(namespace, taking_part=Participants(graph=nodes, page=page))
-
-
 @contextmanager
 def joined(domain: int | None) -> Iterator[Joined]:
     """Set the process' environment before the first context reads it; signals interrupt the body.
