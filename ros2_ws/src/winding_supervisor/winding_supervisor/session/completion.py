@@ -30,7 +30,7 @@ class Completion:
     def __init__(self, end: float, *, camera: bool = True) -> None:
         self._end = end
         self._camera = camera
-        self._last: list[float] = []
+        self._last: list[float] | None = None
         self._since = math.inf
 
     def reached(self, buffer: RunBuffer, now: float) -> bool:
@@ -42,7 +42,8 @@ class Completion:
         late = [topic for topic in awaited if not self._ends(topic, buffer)]
         if not late:
             return True
-        last = [buffer.last_stamp(topic) for topic in late]
+        # Frames may be tracked for long; what else is still to come is under way.
+        last = [buffer.last_stamp(topic) for topic in late if topic in _TRACKED]
         if last != self._last:
             self._last, self._since = last, now
         return now - self._since >= _LAST_MESSAGES
