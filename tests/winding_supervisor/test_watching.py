@@ -19,13 +19,13 @@ from winding_core.run_options import CameraPlacement
 from winding_core.run_spec import RunSpec
 from winding_core.status import Level
 from winding_core.urdf import CarriageLimits, machine_urdf
+from winding_core.watch_clock import WatchClock
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.graph import GraphError
 from winding_ros.runtime.heartbeat import Heartbeat, heartbeat_topic
 from winding_ros.topic import Topic
 from winding_supervisor.machines.standing_axes import standing_axes
-from winding_supervisor.machines.watch_clock import WatchClock
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
 from winding_supervisor.session.completion import Completion

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
+from winding_core.watch_clock import WatchClock
 from winding_rig_node.lay.lay_law import MotionLay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE, Phase
@@ -77,6 +78,7 @@ class MachineLoop:
         self._threads: list[threading.Thread] = []
         self._quit = False
         self._failed = False
+        self._watch = WatchClock()
         self._supervisor_heard = math.inf
 
     @property
@@ -140,7 +142,7 @@ class MachineLoop:
 
     def hear_supervisor(self) -> None:
         """Note a sign of life of the orchestrator."""
-        self._supervisor_heard = time.monotonic()
+        self._supervisor_heard = self._watch.time
 
     def stop_quickly(self, reason: str) -> None:
         """Stop a machine that winds, and say why."""
@@ -210,7 +212,8 @@ class MachineLoop:
 
     def _check_supervisor(self) -> None:
         limit = self._wanted.supervisor_timeout
-        if limit > 0.0 and time.monotonic() - self._supervisor_heard > limit:
+        silence = self._watch.look(time.monotonic()) - self._supervisor_heard
+        if limit > 0.0 and silence > limit:
             self.stop_quickly(f"no sign of life of the orchestrator for {limit:g} s")
 
     def _wait_for_consumers(self) -> bool:

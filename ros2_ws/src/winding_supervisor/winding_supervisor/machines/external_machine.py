@@ -17,6 +17,7 @@ from winding_core.machine.incoming_readings import LEAD_IN, has_moved, stands
 from winding_core.machine.readings import AxisReading
 from winding_core.run_outcome import Cause, EndedBy, Motion
 from winding_core.units import MILLIMETRE
+from winding_core.watch_clock import WatchClock
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient
@@ -24,7 +25,6 @@ from winding_ros.graph import GraphError
 from winding_ros.services import Service
 from winding_supervisor.machines.machine import Machine
 from winding_supervisor.machines.standing_axes import joint_sample, standing_axes
-from winding_supervisor.machines.watch_clock import WatchClock
 
 _POLL = 0.02
 # The first half second of a motion may be over before it is noticed [s].
@@ -35,7 +35,10 @@ _NOTED_STANDING = 2.0
 _TURN = 2.0 * math.pi
 # The end is reached when it is missed by less, as an encoder stands after its ramp [rad].
 _END_SLACK = 0.05
-_START_TIMEOUT = 5.0
+# A driver that shares its computer may answer late; nothing moves meanwhile [s].
+_START_TIMEOUT = 20.0
+# A client that was made a moment ago may not have found its server yet [s].
+_DISCOVERY = 2.5
 # A brake is released and a drive switched on before the axes move [s].
 _MOTION_PATIENCE = 20.0
 # A service that stops the machine has so long to answer before it is given up [s].
@@ -356,8 +359,7 @@ class ExternalMachine(Machine):
     async def _ask(self, service: str, timeout: float) -> str:
         """Call a service; return how that failed, or nothing."""
         name = str(self._client.node.resolve_service_name(service))
-        # A client that was made a moment ago may not have found its server yet.
-        end = self._clock() + 0.5 * timeout
+        end = self._clock() + min(0.5 * timeout, _DISCOVERY)
         while not self._client.ready(Trigger, name):
             if self._clock() > end:
                 return f"{service} has no server"

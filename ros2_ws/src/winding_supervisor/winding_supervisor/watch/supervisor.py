@@ -15,6 +15,7 @@ from typing import NoReturn
 
 from winding_core.run_outcome import Cause, EndedBy
 from winding_core.status import Level
+from winding_core.watch_clock import WatchClock
 from winding_recorder.live.recorder import RunBuffer
 from winding_recorder.live.run_buffer import buffered_inputs
 from winding_ros import topics
@@ -22,7 +23,6 @@ from winding_ros.client.async_client import NAME, AsyncClient
 from winding_ros.graph import GraphError, Policy
 from winding_ros.runtime.heartbeat import Sign
 from winding_supervisor.machines.machine import Machine
-from winding_supervisor.machines.watch_clock import WatchClock
 from winding_supervisor.processes.beside import beside
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
