@@ -193,7 +193,7 @@ def test_what_ends_soon_prints_nothing(capsys: Any) -> None:
     [
         (PREDICT, "winding with the rod"),
         ("verify B04", "verifying B04"),
-        ("study --cases 4,9 --fem published --steps 2 --seeds 1", "learning"),
+        ("study --cases 4,9 --fem published --steps 400 --seeds 1", "learning"),
         ("train --compare --steps 2", "scored"),
         ("render film --fps 20 --duration-s 1", "drawing frames"),
     ],

@@ -29,6 +29,8 @@ def dashboard(
     token_file: Annotated[
         Path | None,
         typer.Option(
+            exists=True,
+            dir_okay=False,
             help="File of the secret that a browser must bring, mode 0600; else "
             "WINDING_DASHBOARD_TOKEN of the environment."
         ),
