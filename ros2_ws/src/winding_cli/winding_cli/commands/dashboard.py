@@ -32,7 +32,7 @@ def dashboard(
             exists=True,
             dir_okay=False,
             help="File of the secret that a browser must bring, mode 0600; else "
-            "WINDING_DASHBOARD_TOKEN of the environment."
+            "WINDING_DASHBOARD_TOKEN of the environment.",
         ),
     ] = None,
     runs: Annotated[
