@@ -19,7 +19,7 @@ from winding_core.run_options import CameraPlacement
 from winding_core.run_spec import RunSpec
 from winding_core.status import Level
 from winding_core.urdf import CarriageLimits, machine_urdf
-from winding_core.watch_clock import WatchClock
+from winding_core.machine.watch_clock import WatchClock
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.graph import GraphError

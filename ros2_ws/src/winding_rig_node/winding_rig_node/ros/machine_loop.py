@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 
-from winding_core.watch_clock import WatchClock
+from winding_core.machine.watch_clock import WatchClock
 from winding_rig_node.lay.lay_law import MotionLay
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SAMPLE_RATE, Phase
