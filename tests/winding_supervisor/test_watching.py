@@ -15,11 +15,11 @@ from sensor_msgs.msg import JointState
 
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
+from winding_core.machine.watch_clock import WatchClock
 from winding_core.run_options import CameraPlacement
 from winding_core.run_spec import RunSpec
 from winding_core.status import Level
 from winding_core.urdf import CarriageLimits, machine_urdf
-from winding_core.machine.watch_clock import WatchClock
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.graph import GraphError

@@ -15,9 +15,9 @@ from winding_core.machine.axes import AxisReader, JointSample, MachineAxes, wron
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.incoming_readings import LEAD_IN, has_moved, stands
 from winding_core.machine.readings import AxisReading
+from winding_core.machine.watch_clock import WatchClock
 from winding_core.run_outcome import Cause, EndedBy, Motion
 from winding_core.units import MILLIMETRE
-from winding_core.machine.watch_clock import WatchClock
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import services, topics
 from winding_ros.client.async_client import AsyncClient

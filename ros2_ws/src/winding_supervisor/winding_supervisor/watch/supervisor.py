@@ -13,9 +13,9 @@ from functools import partial
 from pathlib import Path
 from typing import NoReturn
 
+from winding_core.machine.watch_clock import WatchClock
 from winding_core.run_outcome import Cause, EndedBy
 from winding_core.status import Level
-from winding_core.machine.watch_clock import WatchClock
 from winding_recorder.live.recorder import RunBuffer
 from winding_recorder.live.run_buffer import buffered_inputs
 from winding_ros import topics
