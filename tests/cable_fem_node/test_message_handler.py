@@ -15,6 +15,7 @@ from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.run_ahead import PIECE
+from winding_core.machine.incoming_readings import LEAD_IN, has_moved
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
 from winding_core.run_inputs import INPUT_DTYPE, RunInputs
@@ -79,6 +80,22 @@ def test_node_publishes_the_rest_of_a_prediction_by_itself(ros: Any) -> None:
     bench.begin_anew()
     # A new run, the same plan: nothing is wound again.
     bench.wait_for(topics.FEM_PREDICTION, 4)
+
+
+def test_standstill_that_was_held_back_is_wound_and_not_published() -> None:
+    wanted = FemParameters(case=4, duration=0.5, follow_tension=False, await_motion=True)
+    handler = FemHandler(wanted, ahead_elsewhere=True)
+    list(handler.begin(0.0))
+    standing, rate = 1.7, 500.0
+    times = (np.arange(0, round(2.5 * rate)) / rate).tolist()
+    rows = [(t, DRIVE.reading_at(max(t - standing, 0.0)), None) for t in times]
+    stamps = [t for t, _ in fed(handler, rows, topics.FEM_MARKERS, MARKER_DTYPE)]
+    moving = next(t for t, reading, _ in rows if has_moved(reading))
+    # A period passes until the first one is due.
+    assert moving - 1e-6 <= stamps[0] <= moving + 0.02
+    assert np.diff(stamps) == pytest.approx(0.02, abs=0.0021)
+    assert handler.model is not None
+    assert handler.model.time == pytest.approx(times[-1] - (moving - LEAD_IN), abs=1e-6)
 
 
 def merged(known: np.ndarray, news: np.ndarray) -> np.ndarray:

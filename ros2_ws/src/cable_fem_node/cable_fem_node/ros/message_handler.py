@@ -128,8 +128,12 @@ class FemHandler:
             self._before = (t, reading)
             self._pairing.add_reading(t, reading)
         for paired in self._pairing.ready():
-            for loaded in self._motion.passed(paired):
-                yield from self._follow(self.model, loaded)
+            passed = self._motion.passed(paired)
+            # What was held back until the motion is too old to be published.
+            for held in passed[:-1]:
+                self._pass_over(self.model, held)
+            for newest in passed[-1:]:
+                yield from self._follow(self.model, newest)
 
     def predicted(self, t: float, markers: Markers) -> Answer:
         """Return a prediction of the run's markers, made from what was known at a time [s]."""
@@ -177,6 +181,14 @@ class FemHandler:
             self.history.record(t - self._start, reading, loaded.tension)
         model.advance_to(t - self._start, reading, loaded.tension)
 
+    def _pass_over(self, model: RodWinding, loaded: LoadedReading) -> None:
+        """Follow a reading of the past, of which nothing is published."""
+        self._advance(model, loaded)
+        while loaded.t >= self._markers_due:
+            self._markers_due += _due_period(topics.FEM_MARKERS)
+        while loaded.t >= self._cable_due:
+            self._cable_due += _due_period(topics.FEM_CABLE)
+
     def _catch_up(self, model: RodWinding, inputs: RunInputs) -> None:
         """Wind what the machine has wound before this node was there; nothing is published."""
         for t, reading, tension in inputs:
@@ -189,11 +201,7 @@ class FemHandler:
             for loaded in self._motion.passed(
                 LoadedReading(t=t, reading=reading, tension=followed)
             ):
-                self._advance(model, loaded)
-                while loaded.t >= self._markers_due:
-                    self._markers_due += _due_period(topics.FEM_MARKERS)
-                while loaded.t >= self._cable_due:
-                    self._cable_due += _due_period(topics.FEM_CABLE)
+                self._pass_over(model, loaded)
             if followed is not None:
                 self._pairing.add_tension(t, followed)
         self.replayed = model.time

@@ -55,18 +55,18 @@ class MotionStart(Generic[Item]):
         self._awaited = awaited
         self._held: deque[Item] = deque()
 
-    def passed(self, item: Item) -> Iterator[Item]:
-        """Yield what belongs to the run, the last of the standstill included."""
+    def passed(self, item: Item) -> tuple[Item, ...]:
+        """Return what belongs to the run up to item, the last of the standstill included."""
         if not self._awaited:
-            yield item
-            return
+            return (item,)
         self._held.append(item)
         while item.t - self._held[0].t > LEAD_IN:
             self._held.popleft()
-        if has_moved(item.reading):
-            self._awaited = False
-            yield from self._held
-            self._held.clear()
+        if not has_moved(item.reading):
+            return ()
+        self._awaited = False
+        held, self._held = tuple(self._held), deque()
+        return held
 
 
 # Stamps are whole nanoseconds, carried as seconds.
