@@ -54,6 +54,7 @@ BOOSTS = {
     "tutorials/": 2.0,
     "gallery": 2.0,
     "commands": 2.0,
+    "dashboard": 2.0,
     "troubleshooting": 1.5,
     "measurements/": 0.1,
     "decisions/": 0.1,

@@ -191,8 +191,8 @@ def test_the_table_is_the_same_in_both_formats(tmp_path: Path) -> None:
 
 
 def test_no_other_format_is_written(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match=r"table must end in \.parquet or \.npz, got t\.csv"):
-        write_table(tmp_path / "t.csv", {})
+    with pytest.raises(ValueError, match=r"table must end in .*\.npz.*, got t\.ods"):
+        write_table(tmp_path / "t.ods", {})
 
 
 @pytest.mark.slow
