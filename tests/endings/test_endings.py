@@ -100,7 +100,8 @@ KINDS = {
     ),
     "the end on the page": Kind(faults=PAGE, sentence="^completed: ", **OPERATED),
     "a stop by the operator": Kind(
-        faults=("-0.1 role outcome", "-0.2 start", "0.8 role call rig/stop", "4.0 signal INT"),
+        # It might be resumed until the operator resets the machine.
+        faults=(*PAGE, "0.8 role call rig/stop", "3.0 role call rig/reset"),
         ended_by="operator", verdict="incomplete", duration=8.0, **OPERATED,
         sentence="^ended by the operator .*: stopped by the operator",
     ),

@@ -82,6 +82,10 @@ class Conduct:
         await self._machine.start()
         await self._machine.begun()
 
+    def catch_up(self) -> bool:
+        """Return whether a run has begun that was not noticed before the session's end."""
+        return False
+
     def look(self) -> bool:
         """Look what the operator does; return whether the present run is to be over at once."""
         return False

@@ -70,8 +70,8 @@ class RigConduct(Conduct):
     """Runs of the simulated machine; nothing here moves it.
 
     The operator may prepare another condition, start, stop, reset and stop in an emergency, as
-    often as they like. A run is over when it is finished or stopped in an emergency, or when the
-    next one begins.
+    often as they like. A run is over when it is finished or stopped in an emergency, when a stopped
+    machine is reset, or when the next one begins.
 
     Args:
         who: Takes part: the orchestrator learns what the nodes are set to, for those that it
@@ -89,6 +89,10 @@ class RigConduct(Conduct):
         self._under_way = False
         self._end: float | None = None
         self._stop: Cause | None = None
+        # When the machine was last found to wind [s]; the time of one that is built anew is zero.
+        self._wound_at = 0.0
+        # Whether the encoders have gone back since the last run that was noticed.
+        self._renewed = False
         # What the machine was last found to be set to.
         self._set = started_with
 
@@ -109,11 +113,21 @@ class RigConduct(Conduct):
 
     async def made_ready(self) -> None:
         """Return at once: the operator resets the machine, or prepares another condition."""
+        self._renewed = self.anew is not None
         if self.anew is not None:
             self._recorder.buffer.begin_anew(*self.anew)
             # It may wind already.
-            self._phase = None
+            self._phase, self._wound_at = None, 0.0
         self._under_way, self._end, self._stop, self.anew = False, None, None, None
+
+    def catch_up(self) -> bool:
+        """Return whether the encoders show a run that the machine has not yet reported."""
+        newest = self._recorder.buffer.last(topics.JOINT_STATES)
+        place = None if newest is None else _place(newest)
+        if not self._renewed or place is None or place[1] < _FELL_BACK:
+            return False
+        self.wound = dict(self._set)
+        return True
 
     def look(self) -> bool:
         """Look at what the operator has made of the machine since the last look."""
@@ -122,9 +136,12 @@ class RigConduct(Conduct):
             return True
         status = self._who.client.status(topics.RIG) or Status(name=topics.RIG)
         phase = status.values.get("phase")
-        if phase == _WINDING and not self._heard_until(float(status.values["time"])):
-            # The encoders tell first whether it is another run that is wound.
-            return False
+        if phase == _WINDING:
+            t = float(status.values["time"])
+            if t < self._wound_at or not self._heard_until(t):
+                # The encoders show first whether it is another run that is wound.
+                return False
+            self._wound_at = t
         if phase == _EMERGENCY and "stood_at" in status.values and self._end is None:
             self._end = float(status.values["stood_at"])
         if phase != self._phase:
@@ -147,6 +164,9 @@ class RigConduct(Conduct):
             self._log.resume()
         elif phase == _FINISHED:
             self._end = float(status.values["time"])
+        elif phase == _IDLE and self._under_way and self._stop is not None and self._end is None:
+            # What was stopped can be resumed no more.
+            self._end = self._recorder.buffer.last_stamp(topics.JOINT_STATES)
         elif self._under_way and phase is not None and phase != _IDLE:
             self._stop = self._stop_cause(phase, status)
             self._log.hold(self._stop)

@@ -153,6 +153,7 @@ class Session:
                 await asyncio.sleep(_POLL)
             self._show(view, now=True)
         run.over = time.monotonic()
+        run.begun = run.begun or conduct.catch_up()
         if run.begun or not conduct.operated:
             cause = conduct.over(buffer.time, closed=self.ended.is_set())
             if cause is not None:
