@@ -109,6 +109,9 @@ def test_stop_ramps_down_and_start_resumes_where_it_stood() -> None:
     assert rig.reading().cylinder_angle == pytest.approx(stood, abs=1e-3)
     run(rig)
     assert rig.state.phase is Phase.FINISHED
+    # As far as without a stop, within what its speed passes in a few samples.
+    whole = rig.config.drive.reading_at(4.0).cylinder_angle
+    assert rig.reading().cylinder_angle == pytest.approx(whole, abs=0.01)
 
 
 def test_emergency_stop_halts_within_a_tenth_of_a_second() -> None:

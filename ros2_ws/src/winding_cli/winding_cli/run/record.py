@@ -87,7 +87,9 @@ def run_record(
     missing = _gaps
     if result.simulated:
         completed = result.ending.cause is None
-        missing = partial(_missing, duration=condition.duration if completed else reached)
+        # One that was stopped and resumed has taken longer than was planned.
+        planned = max(condition.duration, reached)
+        missing = partial(_missing, duration=planned if completed else reached)
     rig = _rig_parameters(parameters)
     # A simulated machine may lay the cable where the paper's experiment measured it, which is the
     # measure of its lengths then.

@@ -223,14 +223,19 @@ class RunBuffer:
 
     def newest_axis_reading(self) -> tuple[float, AxisReading] | None:
         """Return (t [s], reading) of the last usable joint state; None before the first."""
-        read = JointStateReader(self.axes)
-        found = None
+        messages = self.messages[topics.JOINT_STATES.name]
         # Speeds that are not reported are slopes over the last samples.
-        for message in self.messages[topics.JOINT_STATES.name].newest(_SLOPE_SAMPLES):
-            try:
-                found = read(message.data)
-            except MessageError:
-                continue
+        count, found = _SLOPE_SAMPLES, None
+        while found is None:
+            read, window = JointStateReader(self.axes), messages.newest(count)
+            for message in window:
+                try:
+                    found = read(message.data)
+                except MessageError:
+                    continue
+            if len(window) < count:
+                break
+            count *= 4
         return found
 
     def newest(self, topic: Topic, decode: Callable[[Any], Reading]) -> Reading | None:

@@ -118,7 +118,7 @@ class Machine:
         """
         if self.state.phase is not Phase.WINDING:
             raise PhaseError(f"cannot stop while the machine is in {self.state.phase.value}")
-        self.state.phase = Phase.STOPPING
+        self.state.phase, self.state.stopped = Phase.STOPPING, True
 
     def quick_stop(self, reason: str = "") -> None:
         """Bring both axes to rest soon and hold them with the brakes; `start` resumes.
@@ -174,7 +174,7 @@ class Machine:
 
     def step(self) -> None:
         """Advance by one encoder sample; every second one is a control step."""
-        state, config = self.state, self.config
+        state = self.state
         if not self.moving:
             return
         if state.drive_sample % _SAMPLES_PER_CONTROL == 0:
@@ -197,9 +197,7 @@ class Machine:
             state.stood_at = self.time
         if state.phase is Phase.STOPPING and asked_to_stand and self._settled():
             state.phase = Phase.IDLE
-        elif state.phase is Phase.WINDING and state.drive_sample >= round(
-            config.duration * SAMPLE_RATE
-        ):
+        elif state.phase is Phase.WINDING and self._at_end():
             state.phase = Phase.FINISHED
         if state.drive_sample % _SAMPLES_PER_FORCE == 0:
             state.tension = self.tension()
@@ -253,8 +251,16 @@ class Machine:
         state = self.state
         if not self.hurried:
             state.stop_began, state.stood_at = self.time, None
-        state.phase, state.reason = phase, reason
+        state.phase, state.reason, state.stopped = phase, reason, True
         state.quick = phase is Phase.STOPPING
+
+    def _at_end(self) -> bool:
+        """Return whether the drive programme has been wound, over all stops in it."""
+        state, config = self.state, self.config
+        if state.stopped:
+            whole = float(config.drive.full_speed_time(config.duration))
+            return state.full_speed_time >= whole - _SAMPLE_PERIOD
+        return state.drive_sample >= round(config.duration * SAMPLE_RATE)
 
     def _settled(self) -> bool:
         """Return whether both axes stand, and have for long enough after an unplanned stop."""

@@ -53,7 +53,7 @@ class MachineConfig:
 
     case: Case  # What is wound
     drive: DriveProfile  # Target speeds
-    duration: float  # Drive time after which a run is finished [s]
+    duration: float  # Of the drive programme, after which a run is finished [s]
     cylinder: AxisConfig = CYLINDER_AXIS  # Rotating axis
     carriage: AxisConfig = CARRIAGE_AXIS  # Traversing axis
     force_noise: float = 0.01  # One standard deviation of the load cell [N]
@@ -123,6 +123,7 @@ class MachineState:
     fraction: float = 0.0  # Share of full speed that the setpoints ask for
     fraction_rate: float = 0.0  # Its change per second [1/s]
     full_speed_time: float = 0.0  # Time at full speed that covers the commanded way so far [s]
+    stopped: bool = False  # Whether the run has been stopped and resumed, or is to be
     quick: bool = False  # Whether the present stop is a quick one
     reason: str = ""  # Why the machine was stopped, where no stop was requested
     stop_began: float | None = None  # When the last unplanned stop began, simulated time [s]

@@ -78,7 +78,6 @@ class ExternalMachine(Machine):
     Attributes:
         axes: With the offsets of this run, once the machine was seen standing.
         began: Stamp of its first motion [s]; None before.
-        end: Stamp at which the run was over [s]; None before.
     """
 
     name = topics.JOINT_STATES.name
@@ -219,7 +218,7 @@ class ExternalMachine(Machine):
             reading.cylinder_angle >= self._config.end_angle
             or self._rested > self._config.standing_limit
         ):
-            self.end = sample.t
+            self._end = sample.t
 
     def complaint(self) -> str:
         """Return why the run cannot go on with this machine, to follow its name, or nothing."""
@@ -238,7 +237,7 @@ class ExternalMachine(Machine):
         """
         known = self._config.axes
         self.axes = await standing_axes(self._client.node, self._buffer, known, self._clock)
-        self.began = self.end = self._still_since = None
+        self.began = self._end = self._still_since = None
         self._wrong = ""
         self._buffer.axes = self.axes
         self._buffer.origin = math.inf

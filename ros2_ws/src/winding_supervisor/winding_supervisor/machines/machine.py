@@ -26,7 +26,6 @@ class Machine(ABC):
     Attributes:
         name: What its complaints are about.
         simulated: Whether its driver is a node of this graph, which can be ended with its drives.
-        end: Stamp of the run's last sample [s]; None while it is not known.
     """
 
     name: str
@@ -34,7 +33,12 @@ class Machine(ABC):
 
     def __init__(self, client: AsyncClient, buffer: RunBuffer, *sensors: Topic) -> None:
         self._client, self._buffer, self.sensors = client, buffer, sensors
-        self.end: float | None = None
+        self._end: float | None = None
+
+    @property
+    def end(self) -> float | None:
+        """Stamp of the run's last sample [s]; None while it is not known."""
+        return self._end
 
     @property
     def t(self) -> float:

@@ -35,7 +35,16 @@ class SimulatedMachine(Machine):
 
     def __init__(self, client: AsyncClient, buffer: RunBuffer, duration: float) -> None:
         super().__init__(client, buffer, *_SENSORS)
-        self.end = duration
+        self._planned, self._stopped = duration, False
+
+    @property
+    def end(self) -> float | None:
+        """Stamp of the run's last sample [s]; of one that was stopped, once it is finished."""
+        if not self._stopped:
+            return self._planned
+        status = self._client.status(topics.RIG)
+        finished = status is not None and status.values.get("phase") == "finished"
+        return float(status.values["time"]) if status is not None and finished else None
 
     @property
     def when(self) -> str:
@@ -85,7 +94,7 @@ class SimulatedMachine(Machine):
 
     async def quick_stop(self) -> str:
         """Ask it to come to rest; return how that failed, or nothing."""
-        service = services.QUICK_STOP.name
+        service, self._stopped = services.QUICK_STOP.name, True
         try:
             answer = await self._client.call(
                 Trigger, self._name(service), Trigger.Request(), _STOP_TIMEOUT

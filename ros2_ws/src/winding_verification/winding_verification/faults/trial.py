@@ -265,7 +265,9 @@ class Trial:
         if name == "driver":
             return [self._driver.pid] if self._driver is not None else []
         found = []
-        for child in self._children | set(psutil.Process(self._run.pid).children()):
+        with contextlib.suppress(psutil.Error):
+            self._children |= set(psutil.Process(self._run.pid).children())
+        for child in self._children:
             with contextlib.suppress(psutil.Error):
                 words = " ".join(child.cmdline())
                 if name in words and child.status() != psutil.STATUS_ZOMBIE:
