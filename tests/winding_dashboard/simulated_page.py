@@ -23,6 +23,13 @@ from winding_dashboard.web.server import application
 
 NODES = ("winding_rig", "cable_fem")
 URL = "http://127.0.0.1"
+# An own condition as the form has it, in the units of its labels.
+OWN_FIELDS = {
+    "cylinder_diameter_mm": 30,
+    "cable_diameter_mm": 4,
+    "tension_n": 3.5,
+    "marker_spacing_mm": 80,
+}
 
 
 class Machine:
@@ -164,3 +171,17 @@ class Desk:
         answer = self.request("POST", path, json=body)
         assert answer.status_code == 200, answer.text
         return str(answer.json()["answer"])
+
+
+def at_desk(state: ViewState | None = None, machine: Machine | None = None, **given: Any) -> Desk:
+    """Return a desk whose solver has reported what it is set to."""
+    if state is None:
+        state = fresh_state()
+        phase(state, "idle")
+    desk = Desk(state, machine or Machine(), **given)
+    asyncio.run(desk.served.session.learn_choice())
+    return desk
+
+
+def form(case: int, law: str = "linear", *, take_up: bool = False, **fields: Any) -> dict[str, Any]:
+    return {"case": case, "law": law, "take_up": take_up, "fields": fields}

@@ -1,27 +1,17 @@
 """Requests of the page: commands, preparation of a condition, recordings, and their refusals."""
 
-import asyncio
 import math
 import time
-from pathlib import Path
 from typing import Any
 
 import pytest
-from simulated_page import Clock, Desk, Machine, fresh_state, phase
+from simulated_page import OWN_FIELDS, Clock, Desk, Machine, at_desk, form, fresh_state, phase
 
 from winding_core.machine.readings import CABLE_TENSION
-from winding_core.run_spec import RunSpec
 from winding_core.status import Level, RunPhase, Status
 from winding_dashboard.page import commands
 from winding_dashboard.state.view_state import ViewState
 from winding_dashboard.web.server import SEEN_WITHIN
-
-OWN = {
-    "cylinder_diameter_mm": 30,
-    "cable_diameter_mm": 4,
-    "tension_n": 3.5,
-    "marker_spacing_mm": 80,
-}
 
 
 def recorded(state: ViewState, bag: str) -> None:
@@ -86,20 +76,6 @@ def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
     assert seen["texts"]["recorded"] == reason
 
 
-def at_desk(state: ViewState | None = None, machine: Machine | None = None, **given: Any) -> Desk:
-    """Return a desk whose solver has reported what it is set to."""
-    if state is None:
-        state = fresh_state()
-        phase(state, "idle")
-    desk = Desk(state, machine or Machine(), **given)
-    asyncio.run(desk.served.session.learn_choice())
-    return desk
-
-
-def form(case: int, law: str = "linear", *, take_up: bool = False, **fields: Any) -> dict[str, Any]:
-    return {"case": case, "law": law, "take_up": take_up, "fields": fields}
-
-
 def test_form_shows_what_the_solver_is_set_to() -> None:
     shown = at_desk().look()["form"]
     assert (shown["case"], shown["law"], shown["take_up"]) == (4, "linear", False)
@@ -134,7 +110,7 @@ def test_nothing_is_chosen_while_the_machine_winds() -> None:
 
 def test_own_condition_is_prepared_in_si() -> None:
     desk = at_desk()
-    answer = desk.ask("/prepare", form=form(0, take_up=True, **OWN))
+    answer = desk.ask("/prepare", form=form(0, take_up=True, **OWN_FIELDS))
     assert desk.graph.done == [
         "prepare 0 linear cylinder_diameter=0.03 cable_diameter=0.004 weight=3.5 "
         "marker_spacing=0.08 take up"
@@ -145,7 +121,7 @@ def test_own_condition_is_prepared_in_si() -> None:
 def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
     desk = at_desk()
     assert "say what to wind: Case 1 to 12, or Cylinder" in desk.ask("/prepare", form=form(0))
-    answer = desk.ask("/prepare", form=form(0, **{**OWN, "cylinder_diameter_mm": 3000}))
+    answer = desk.ask("/prepare", form=form(0, **{**OWN_FIELDS, "cylinder_diameter_mm": 3000}))
     assert "Cylinder diameter, mm must be at most 2000, got 3000" in answer
     assert desk.look()["texts"]["prepare-answer"].endswith("at most 2000, got 3000")
     assert desk.graph.done == []
@@ -153,7 +129,7 @@ def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:
 
 def test_nonsense_in_a_form_is_refused_in_words() -> None:
     desk = at_desk()
-    for wrong in (form(99), form(4, "steel"), form(0, **{**OWN, "tension_n": "heavy"}), {}):
+    for wrong in (form(99), form(4, "steel"), form(0, **{**OWN_FIELDS, "tension_n": "heavy"}), {}):
         assert "prepare: " in desk.ask("/prepare", form=wrong)
     assert desk.graph.done == []
 
@@ -286,7 +262,7 @@ def test_form_is_checked_before_the_present_run_is_given_up() -> None:
     phase(state, "finished")
     state.time = 17.0
     desk = at_desk(state)
-    wrong = form(0, **{**OWN, "cable_diameter_mm": 250})
+    wrong = form(0, **{**OWN_FIELDS, "cable_diameter_mm": 250})
     assert "Cable diameter, mm must be at most 100, got 250" in desk.ask(
         "/prepare", form={**wrong, "check": True}
     )
@@ -304,7 +280,7 @@ def test_form_is_checked_before_the_present_run_is_given_up() -> None:
         ("/limits", {"limits": {"lay_tolerance_mm": None}}, "Lay, mm is empty; give a number"),
         (
             "/prepare",
-            {"form": form(0, **{**OWN, "cylinder_diameter_mm": ""})},
+            {"form": form(0, **{**OWN_FIELDS, "cylinder_diameter_mm": ""})},
             "missing Cylinder diameter, mm",
         ),
     ],
@@ -435,70 +411,3 @@ def test_page_of_a_machine_or_of_another_player_has_no_slider() -> None:
         seen = Desk(state, Machine()).look()
         assert seen["playback"] is None
         assert seen["hidden"]["playback"]
-
-
-@pytest.mark.parametrize(
-    "typed",
-    [
-        form(9, "hencky", friction=0.21),
-        form(0, **{**OWN, "tension_n": 7.25}, duration_s=33.5),
-        form(3, "linear"),
-    ],
-)
-def test_recipe_is_a_cell_file_that_fills_the_form_again(tmp_path: Path, typed: dict) -> None:
-    desk = at_desk(runs=tmp_path)
-    assert desk.look()["parts"]["recipes"].strip() == ""
-    assert desk.ask("/recipe/save", name="Red fibre 2", form=typed).endswith("Red fibre 2 is kept")
-    file = tmp_path / "recipes" / "Red fibre 2.yaml"
-    spec = RunSpec.from_cell(file, {})
-    assert (spec.condition.case, spec.condition.law) == (typed["case"], typed["law"])
-    assert spec.text() == file.read_text(encoding="utf-8")
-    assert 'value="Red fibre 2"' in desk.look()["parts"]["recipes"]
-    seen = desk.look()
-    body = {"server": seen["server"], "sequence": seen["sequence"], "name": "Red fibre 2"}
-    loaded = desk.request("POST", "/recipe/load", json=body).json()["form"]
-    assert loaded == {key: typed[key] for key in ("case", "law", "fields")}
-    assert desk.graph.done == []
-
-
-def test_recipe_of_a_whole_run_names_what_the_page_leaves(tmp_path: Path) -> None:
-    (tmp_path / "recipes").mkdir()
-    (tmp_path / "recipes" / "cell.yaml").write_text(
-        "condition:\n  case: 6\nmachine:\n  seed: 17\nlimits:\n  error_limit_pct: 2.2\n"
-    )
-    answer = at_desk(runs=tmp_path).ask("/recipe/load", name="cell")
-    assert answer.endswith("form; not seed, error_limit_pct, which the run has already")
-
-
-@pytest.mark.parametrize(
-    ("path", "name", "sentence"),
-    [
-        ("save", "taken", "there is a recipe taken already"),
-        ("save", "../../run", "a name has 1 to 60 letters"),
-        ("save", "", "a name has 1 to 60 letters"),
-        ("load", "none", "there is no recipe none"),
-        ("load", "/etc/passwd", "a name has 1 to 60 letters"),
-        ("load", "taken", "taken.yaml, line 3, column 13: friction must be"),
-    ],
-)
-def test_recipe_that_cannot_be_is_refused_and_none_is_written_over(
-    tmp_path: Path, path: str, name: str, sentence: str
-) -> None:
-    (tmp_path / "recipes").mkdir()
-    file = tmp_path / "recipes" / "taken.yaml"
-    file.write_text(text := "condition:\n  case: 5\n  friction: -8\n")
-    desk = at_desk(runs=tmp_path)
-    assert sentence in desk.ask(f"/recipe/{path}", name=name, form=form(2))
-    assert desk.look()["alarm"]
-    assert file.read_text() == text
-    assert [item.name for item in tmp_path.rglob("*.yaml")] == ["taken.yaml"]
-
-
-def test_refused_condition_is_no_recipe_and_a_page_without_runs_keeps_none(tmp_path: Path) -> None:
-    wrong = form(0, **{**OWN, "cylinder_diameter_mm": 7000})
-    answer = at_desk(runs=tmp_path).ask("/recipe/save", name="wrong", form=wrong)
-    assert "Cylinder diameter, mm must be at most 2000, got 7000" in answer
-    assert not (tmp_path / "recipes").exists()
-    desk = at_desk()
-    assert desk.look()["hidden"]["recipe-row"]
-    assert "no folder of runs" in desk.ask("/recipe/save", name="fine", form=form(4))

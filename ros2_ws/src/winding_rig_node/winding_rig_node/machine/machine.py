@@ -257,10 +257,11 @@ class Machine:
     def _at_end(self) -> bool:
         """Return whether the drive programme has been wound, over all stops in it."""
         state, config = self.state, self.config
-        if state.stopped:
-            whole = float(config.drive.full_speed_time(config.duration))
-            return state.full_speed_time >= whole - _SAMPLE_PERIOD
-        return state.drive_sample >= round(config.duration * SAMPLE_RATE)
+        if state.drive_sample < round(config.duration * SAMPLE_RATE):
+            return False
+        # Ramps of a stop and of the start after it take longer than what they wind.
+        whole = float(config.drive.full_speed_time(config.duration))
+        return not state.stopped or state.full_speed_time >= whole - _SAMPLE_PERIOD
 
     def _settled(self) -> bool:
         """Return whether both axes stand, and have for long enough after an unplanned stop."""
