@@ -193,7 +193,7 @@ def test_what_ends_soon_prints_nothing(capsys: Any) -> None:
     [
         (PREDICT, "winding with the rod"),
         ("verify B04", "verifying B04"),
-        ("study --cases 4,9 --fem published --steps 400 --seeds 1", "learning"),
+        ("study --fem published --steps 20 --seeds 1", "scored"),
         ("train --compare --steps 2", "scored"),
         ("render film --fps 20 --duration-s 1", "drawing frames"),
     ],
@@ -202,6 +202,7 @@ def test_commands_that_take_long_show_where_they_are(
     folder: Path, words: str, sentence: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(console, "FIRST_LINE", 0.01)
+    monkeypatch.setattr(console, "LONGEST_SILENCE", 0.01)
     done = typed(folder, words)
     assert done.exit_code == 0, done.output
     shown = [line for line in done.stderr.splitlines() if line.startswith("winding: ")]

@@ -52,7 +52,7 @@ NAMED = """
 from winding_core.compile_progress import PROGRESS
 from kernels.deeper.outer import outer
 
-with PROGRESS.heard(lambda item: print(item.share, item.kernel, end="|")):
+with PROGRESS.heard(lambda item: print(item and f"{item.share} {item.kernel}", end="|")):
     outer(10.0)
     outer(11.0)
 """
@@ -108,7 +108,7 @@ def test_only_what_a_kernel_reaches_compiles_it_again(checkout: Checkout) -> Non
 
 @pytest.mark.slow
 def test_kernels_are_named_once_as_they_are_compiled(checkout: Checkout) -> None:
-    both = ["1 of 2 kernels.deeper.outer.outer", "2 of 2 kernels.inner.scaled", ""]
+    both = ["1 of 2 kernels.deeper.outer.outer", "2 of 2 kernels.inner.scaled", "None", ""]
     assert checkout.ask(NAMED) == both
     assert checkout.ask(NAMED) == [""]
     checkout.write(factor=4)

@@ -36,7 +36,8 @@ class CompileProgress:
 
     missing: set[str] = field(default_factory=set)  # Kernels whose code is not on disk
     begun: dict[str, None] = field(default_factory=dict)  # Those that were compiled, in order
-    _tell: list[Callable[[Compiling], None]] = field(default_factory=list)
+    _open: set[str] = field(default_factory=set)  # Those that are compiled now
+    _tell: list[Callable[[Compiling | None], None]] = field(default_factory=list)
     _lock: threading.Lock = field(default_factory=threading.Lock)
 
     def begin(self, kernel: str) -> None:
@@ -45,14 +46,25 @@ class CompileProgress:
             if kernel in self.begun:
                 return
             self.begun[kernel] = None
+            self._open.add(kernel)
             item = Compiling(kernel=kernel, number=len(self.begun), count=len(self.missing))
             listeners = tuple(self._tell)
         for tell in listeners:
             tell(item)
 
+    def end(self, kernel: str) -> None:
+        """Take note that a kernel is compiled."""
+        with self._lock:
+            if kernel not in self._open:
+                return
+            self._open.remove(kernel)
+            listeners = () if self._open else tuple(self._tell)
+        for tell in listeners:
+            tell(None)
+
     @contextmanager
-    def heard(self, tell: Callable[[Compiling], None]) -> Iterator[None]:
-        """Report every kernel that this process compiles in the body."""
+    def heard(self, tell: Callable[[Compiling | None], None]) -> Iterator[None]:
+        """Report every kernel that this process compiles in the body, and None after the last."""
         self._tell.append(tell)
         try:
             yield

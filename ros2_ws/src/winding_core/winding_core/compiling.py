@@ -44,13 +44,16 @@ class _Compilations(event.Listener):  # type: ignore[misc]
     """Takes note of the kernels of `compiled` that the compiler turns to."""
 
     def on_start(self, event: Any) -> None:
-        kernel = event.data["dispatcher"].py_func
-        name = f"{kernel.__module__}.{kernel.__qualname__}"
-        if name in PROGRESS.missing:
+        if (name := self._name(event)) in PROGRESS.missing:
             PROGRESS.begin(name)
 
     def on_end(self, event: Any) -> None:
-        pass
+        PROGRESS.end(self._name(event))
+
+    @staticmethod
+    def _name(event: Any) -> str:
+        kernel = event.data["dispatcher"].py_func
+        return f"{kernel.__module__}.{kernel.__qualname__}"
 
 
 event.register("numba:compile", _Compilations())

@@ -14,11 +14,13 @@ if TYPE_CHECKING:
     from rich.progress import ProgressColumn
     from rich.table import Table
 
+    from winding_core.compile_progress import Compiling
+
 PIPE_WIDTH = 200
 MISSING = "-"
 # Time to the first line of progress in a log, and the longest between two [s].
 FIRST_LINE = 2.0
-_LONGEST_SILENCE = 60.0
+LONGEST_SILENCE = 60.0
 
 Show = Callable[..., None]
 
@@ -114,7 +116,12 @@ def busy(description: str, *columns: ProgressColumn, total: float | None = None)
         task = bar.add_task(description, total=total)
 
         def show(**changes: Any) -> None:
+            nonlocal description
+            description = changes.get("description", description)
             bar.update(task, **changes)
+
+        def compiling(kernel: Compiling | None) -> None:
+            bar.update(task, description=description if kernel is None else kernel.sentence)
 
         def line() -> str:
             (state,) = bar.tasks
@@ -122,7 +129,7 @@ def busy(description: str, *columns: ProgressColumn, total: float | None = None)
             return f"winding: {state.description}{share}, {state.elapsed:.0f} s"
 
         with (
-            PROGRESS.heard(lambda kernel: show(description=kernel.sentence)),
+            PROGRESS.heard(compiling),
             nullcontext() if console.is_terminal else _lines(line),
         ):
             yield show
@@ -139,7 +146,7 @@ def _lines(line: Callable[[], str]) -> Iterator[None]:
             # Its reader may have gone.
             with suppress(BrokenPipeError):
                 print(line(), file=sys.stderr, flush=True)
-            wait = min(2.0 * wait, _LONGEST_SILENCE)
+            wait = min(2.0 * wait, LONGEST_SILENCE)
 
     thread = threading.Thread(target=work, name="progress", daemon=True)
     thread.start()

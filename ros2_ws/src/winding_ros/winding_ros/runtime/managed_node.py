@@ -203,8 +203,10 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._failure = ""
         return TransitionCallbackReturn.SUCCESS
 
-    def _tell_compiling(self, kernel: Compiling) -> None:
+    def _tell_compiling(self, kernel: Compiling | None) -> None:
         """Report what keeps the node from answering."""
+        if kernel is None:
+            return
         self.get_logger().info(kernel.sentence)
         values = {COMPILING: kernel.share}
         self._tell([Status(name=self.get_name(), message=kernel.sentence, values=values)])

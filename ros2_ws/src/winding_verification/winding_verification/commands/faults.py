@@ -18,7 +18,7 @@ _DRIVER = Path("examples/driver_node.py")
 def faults(
     json: Json = None,
     only: Annotated[
-        str | None, typer.Option(help="Try only the rows whose name contains this text.")
+        str | None, typer.Option(help="Try only the runs whose name contains this text.")
     ] = None,
     random: Annotated[
         int | None, typer.Option(min=1, help="Try so many runs with drawn faults instead.")
@@ -41,11 +41,10 @@ def faults(
     from winding_verification.faults.random_plans import draw_plans
 
     check_output_file(json, "--json", force=force)
-    rows: list[campaign.Row] = (
-        [row for row in campaign.ROWS if (only or "") in row.plan.name]
-        if random is None
-        else [campaign.Row(plan=plan) for plan in draw_plans(random, seed)]
-    )
+    tried = campaign.ROWS
+    if random is not None:
+        tried = tuple(campaign.Row(plan=plan) for plan in draw_plans(random, seed))
+    rows = [row for row in tried if (only or "") in row.plan.name]
     if not rows:
         refuse(f"no row of the fault table contains {only!r}")
     if any(row.plan.foreign for row in rows) and not driver.is_file():
