@@ -86,6 +86,11 @@ KINDS = {
         faults=("0.4 machine stops ignored",), foreign=True, machine="turning", **FAILED,
         sentence="^THE MACHINE still turns",
     ),
+    "a second publisher before the end of a machine that does not stop": Kind(
+        faults=("0.3 machine stops ignored", "1.0 role rogue truncated"), foreign=True,
+        ended_by="supervision", machine="turning", **FAILED,
+        sentence="^ended by supervision .*rig/tension has 2 publishers",
+    ),
     "a machine that stops early": Kind(
         faults=("1.3 machine stops early",), duration=4.0, **MACHINE,
         sentence="^ended by the machine .*the machine stopped by itself after",

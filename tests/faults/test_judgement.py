@@ -31,6 +31,7 @@ def account(**changed: Any) -> Account:
     }
     seen = {
         "motion": "standing",
+        "last_motion": "standing",
         "turns": 0.66,
         "farthest": 0.66,
         "moved": 100.0,
@@ -108,6 +109,29 @@ def test_a_second_signal_asks_for_haste(signals: list[str], excused: int) -> Non
     notes.append({"what": "ended", "at": 109.0, "turns": 0.66})
     found = disagreements(PLAN, account(run=None, code=130, notes=notes))
     assert found == ([] if excused else ["there is no run.json of what was wound"])
+
+
+@pytest.mark.parametrize(("names", "agrees"), [("INT", False), ("INT TERM", True)])
+def test_haste_shows_in_the_exit_code_of_whatever_ends(names: str, agrees: bool) -> None:
+    whole = account(code=130)
+    whole.seen["notes"].insert(1, {"what": f"signal {names}", "at": 103.0, "turns": 0.6})
+    assert (disagreements(PLAN, whole) == []) is agrees
+
+
+@pytest.mark.parametrize(
+    ("what", "last", "agrees"),
+    [
+        ("hold driver", "standing", True),
+        ("kill driver", "turning", False),
+        ("kill correction", "standing", False),
+    ],
+)
+def test_a_machine_may_be_silenced_after_it_was_seen_standing(
+    what: str, last: str, agrees: bool
+) -> None:
+    whole = account(motion="unknown", last_motion=last)
+    whole.seen["notes"].insert(1, {"what": what, "at": 103.0, "turns": 0.66})
+    assert (disagreements(PLAN, whole) == []) is agrees
 
 
 def row(**changed: Any) -> Row:

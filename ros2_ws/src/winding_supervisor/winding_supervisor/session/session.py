@@ -155,7 +155,8 @@ class Session:
         run.over = time.monotonic()
         run.begun = run.begun or conduct.catch_up()
         if run.begun or not conduct.operated:
-            cause = conduct.over(buffer.time, closed=self.ended.is_set())
+            # The machine may have wound on to its end while it was asked to stop.
+            cause = conduct.over(buffer.time, closed=self.ended.is_set()) or who.log.held
             if cause is not None:
                 who.log.end(cause)
 

@@ -44,6 +44,7 @@ _ENDING = (
 _FINISHED = (Verdict.GOOD, Verdict.NOT_GOOD, Verdict.NOT_JUDGED)
 # Samples are on their way to two readers, and a signal to a process [turns].
 _SLACK = 0.03
+_SILENCED = re.compile("(kill|hold) driver")
 # Faults of the last second may come too late to be noticed [s].
 _NOTICED = 1.5
 # Exit codes of runs that have not failed, by who ended them.
@@ -71,8 +72,9 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
     yield from _motion_disagrees(plan, account, outcome)
     yield from _turns_disagree(account, outcome, verdict)
     yield from _cause_disagrees(account, outcome, put_in)
-    codes = _CODES.get(EndedBy(outcome["ended_by"]), (0, 1))
-    if account.code not in ((1,) if verdict is Verdict.FAILED else codes):
+    codes = (1,) if verdict is Verdict.FAILED else _CODES.get(EndedBy(outcome["ended_by"]), (0, 1))
+    # Haste is what the code tells of.
+    if account.code not in codes and not (account.code == 130 and _signals(put_in) > 1):
         yield f"verdict {verdict} and exit code {account.code}"
     # A disk that takes no more may have cut the terminal's own words.
     for sentence in outcome["sentences"]:
@@ -82,8 +84,7 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
 
 def _without_numbers(account: Account, put_in: list[str]) -> Iterator[str]:
     # A second signal asks for haste; a killed command writes nothing.
-    signals = sum(len(what.split()) - 1 for what in put_in if what.startswith("signal "))
-    excused = signals > 1 or "kill orchestrator" in put_in
+    excused = _signals(put_in) > 1 or "kill orchestrator" in put_in
     moved, ended = account.seen["moved"], account.seen["notes"][-1]["at"]
     wound = moved is not None and ended - moved > _NOTICED and account.seen["turns"] > _SLACK
     if wound and not excused:
@@ -98,6 +99,10 @@ def _without_numbers(account: Account, put_in: list[str]) -> Iterator[str]:
         yield f"no cause on the terminal: {account.printed.splitlines()[-1:]}"
 
 
+def _signals(put_in: list[str]) -> int:
+    return sum(len(what.split()) - 1 for what in put_in if what.startswith("signal "))
+
+
 def _motion_disagrees(plan: Plan, account: Account, outcome: Mapping[str, Any]) -> Iterator[str]:
     written, seen = Motion(outcome["machine"]), Motion(account.seen["motion"])
     if not plan.foreign:
@@ -105,6 +110,11 @@ def _motion_disagrees(plan: Plan, account: Account, outcome: Mapping[str, Any]) 
         if written is not Motion.STANDING:
             yield f"the simulated machine is written down as {written}"
         return
+    # One that is held or dies after it has stood is heard no more by the last look at it.
+    silenced = any(_SILENCED.match(note["what"]) for note in account.seen["notes"])
+    if seen is Motion.UNKNOWN and silenced:
+        seen = Motion(account.seen["last_motion"])
+        seen = seen if seen is Motion.STANDING else Motion.UNKNOWN
     if written is Motion.STANDING and seen is not Motion.STANDING:
         yield f"the machine is written down as standing and seen {seen}"
     if seen is Motion.TURNING and not (account.code and "THE MACHINE" in account.printed):

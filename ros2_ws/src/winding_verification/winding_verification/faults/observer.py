@@ -63,10 +63,15 @@ class Observer:
     def motion(self) -> str:
         """Whether the machine stands or turns, or is not heard."""
         with self.lock:
-            if not self.recent or time.monotonic() - self.recent[-1][0] > _SILENT:
-                return "unknown"
+            silent = not self.recent or time.monotonic() - self.recent[-1][0] > _SILENT
+        return "unknown" if silent else self.last_motion
+
+    @property
+    def last_motion(self) -> str:
+        """Whether the machine stood or turned when it was last heard."""
+        with self.lock:
             angles = [angle for _, angle in self.recent]
-        return "standing" if max(angles) - min(angles) < _STILL else "turning"
+        return "standing" if not angles or max(angles) - min(angles) < _STILL else "turning"
 
     def note(self, words: str) -> None:
         """Note what happens to the graph."""
@@ -78,6 +83,7 @@ class Observer:
         """Return what was seen."""
         return {
             "motion": self.motion,
+            "last_motion": self.last_motion,
             "turns": self.angle / math.tau,
             "farthest": self.farthest / math.tau,
             "moved": self.moved,
