@@ -9,6 +9,7 @@ import pyarrow.parquet
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from made_bags import READING
 
 from winding_core.history import History
 from winding_recorder.bags.check import rhythm, stamp_findings
@@ -18,6 +19,7 @@ from winding_recorder.live.bag_series import LossCount
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer, StampRuns
 from winding_recorder.playback.player import Pacing
 from winding_ros import topics
+from winding_ros.messages.rig import encode_joint_state
 
 MS = 1_000_000
 
@@ -224,3 +226,17 @@ def test_pictures_are_left_to_the_bag() -> None:
     buffer.add(topics.IMAGE, BufferedMessage(stamp_ns=1, sent_ns=0, received_ns=0, data=b"picture"))
     assert buffer.messages == {}
     assert buffer.last(topics.IMAGE) is None
+
+
+@pytest.mark.parametrize("invalid", [0, 1, 70])
+def test_the_newest_axis_reading_is_the_last_usable_one(invalid: int) -> None:
+    buffer = RunBuffer([topics.JOINT_STATES])
+    for sample in range(100 + invalid):
+        stamp = sample * MS
+        data = bytes(encode_joint_state(1e-3 * sample, READING))
+        if sample >= 100:
+            data = data[: len(data) // 2]
+        buffer.add(topics.JOINT_STATES, BufferedMessage(stamp, stamp, stamp, data))
+    newest = buffer.newest_axis_reading()
+    assert newest is not None
+    assert newest[0] == pytest.approx(0.099)

@@ -7,7 +7,8 @@ import signal
 import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from rclpy.node import Node
@@ -15,6 +16,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from winding_core.machine.readings import AxisReading
 from winding_core.run_options import OperatorLimits
+from winding_core.run_outcome import EndedBy
+from winding_core.status import Status
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
@@ -24,7 +27,7 @@ from winding_ros.graph import GraphError
 from winding_ros.messages.rig import encode_joint_state
 from winding_supervisor.processes.discovery import outsiders
 from winding_supervisor.session.dashboard_process import DashboardConfig, DashboardProcess
-from winding_supervisor.session.rig_conduct import RunStart
+from winding_supervisor.session.rig_conduct import RigConduct, RunStart
 from winding_supervisor.watch.event_log import EventLog, read_events
 
 NAMESPACE = "attended"
@@ -101,6 +104,90 @@ def test_reset_begins_another_run_while_time_goes_on() -> None:
     # Published once before, latched, and true still.
     assert machine.buffer.last(topics.FEM_PREDICTION) is not None
     assert not start.look(machine.buffer)
+
+
+class Session:
+    """What an operator's runs are told by: encoders and the status of the machine."""
+
+    def __init__(self) -> None:
+        self.machine, self.log = Machine(), EventLog(file=None)
+        self.status: Status | None = None
+        who = SimpleNamespace(
+            log=self.log,
+            recorder=SimpleNamespace(
+                buffer=self.machine.buffer, bags=SimpleNamespace(note=lambda _notes: None)
+            ),
+            client=SimpleNamespace(status=lambda _name: self.status),
+            orchestrator=SimpleNamespace(adopt_parameters=self._adopt),
+            machine=None,
+        )
+        self.conduct = RigConduct(cast(Any, who), {"case": 4})
+        self.set_to: dict[str, object] = {"case": 4}
+
+    async def _adopt(self) -> dict[str, dict[str, object]]:
+        return {topics.RIG: self.set_to}
+
+    def reports(self, phase: str, t: float, **values: str) -> bool:
+        """Report a phase at a time of the machine [s]; return whether the run is over at once."""
+        stated = {"phase": phase, "time": f"{t:.3f}", "run_time": f"{t:.3f}"} | values
+        self.status = Status(name=topics.RIG, values=stated)
+        return self.conduct.look()
+
+
+async def under_way(session: Session) -> bool:
+    """Return whether a run has begun by now."""
+    begun = asyncio.ensure_future(session.conduct.begun())
+    await asyncio.sleep(0.1)
+    begun.cancel()
+    return begun.done() and not begun.cancelled()
+
+
+@pytest.mark.asyncio
+async def test_a_status_of_the_machine_before_begins_no_run() -> None:
+    session = Session()
+    session.machine.wind(0.0, 1500)
+    assert not session.reports("winding", 1.499)
+    assert await under_way(session)
+    # Another machine is built, and the status of the last one comes once more.
+    session.machine.wind(0.0, 20)
+    assert session.reports("winding", 1.499)
+    await session.conduct.made_ready()
+    assert not session.reports("winding", 1.499)
+    assert not await under_way(session)
+    session.machine.wind(0.02, 30, angle=SPEED * 0.02)
+    assert not session.reports("winding", 0.049)
+    assert await under_way(session)
+
+
+@pytest.mark.asyncio
+async def test_encoders_show_a_run_that_the_machine_has_not_reported() -> None:
+    session = Session()
+    session.machine.wind(0.0, 1500)
+    assert not session.reports("winding", 1.499)
+    assert not session.conduct.catch_up()
+    session.machine.wind(0.0, 20)
+    assert session.conduct.look()
+    await session.conduct.made_ready()
+    # The encoder trembles where it stands.
+    assert not session.conduct.catch_up()
+    session.machine.wind(0.02, 200, angle=SPEED * 0.02)
+    assert session.conduct.catch_up()
+    assert session.conduct.wound == {"case": 4}
+
+
+@pytest.mark.asyncio
+async def test_a_run_that_was_stopped_is_over_when_its_machine_is_reset() -> None:
+    session = Session()
+    session.machine.wind(0.0, 700)
+    session.reports("winding", 0.699)
+    session.reports("stopping", 0.699)
+    session.reports("idle", 0.699)
+    assert session.conduct.end is None
+    session.reports("idle", 0.699, run_time="0.000")
+    assert session.conduct.end == pytest.approx(0.699)
+    early = session.conduct.early
+    assert early is not None
+    assert (early.by, early.text) == (EndedBy.OPERATOR, "stopped by the operator")
 
 
 def test_machine_that_is_built_anew_begins_at_zero() -> None:
