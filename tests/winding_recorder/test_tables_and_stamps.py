@@ -87,6 +87,16 @@ def test_a_publisher_that_starts_again_has_lost_nothing() -> None:
     assert (count.lost, count.received) == (0, 5)
 
 
+def test_numbers_of_two_publishers_are_counted_apart() -> None:
+    count = LossCount()
+    for k in range(50):
+        for number in (5000 + k, 1 + k):
+            # The first publisher loses two messages, the second one.
+            if number not in (5010, 5011, 30):
+                count.take(number)
+    assert (count.lost, count.received) == (3, 97)
+
+
 def test_a_steady_topic_has_a_rhythm_and_no_gap() -> None:
     stamps = np.arange(100, dtype=np.int64) * 5 * MS
     assert rhythm(stamps) == 5 * MS

@@ -25,25 +25,31 @@ from winding_ros.topic import Taken, Topic
 
 Answer = Callable[[bool, str], None]
 
+# A topic has one publisher; its predecessor and a few rivals are told apart.
+_PUBLISHERS = 4
+
 
 class LossCount:
-    """Follows one publisher's sequence numbers, which DDS counts from 1.
+    """Follows the sequence numbers of a topic, which DDS counts from 1 for each publisher.
 
-    A number that is not above the last one is a new publisher's; what it sent before is not
-    known to be lost. What is lost after the last message that arrived cannot be seen.
+    A number belongs to the publisher whose last one is the nearest below it. One that is above none
+    is a new publisher's; what it sent before is not known to be lost. What is lost after the last
+    message that arrived cannot be seen.
     """
 
     def __init__(self) -> None:
         self.received = 0
         self.lost = 0
-        self._last: int | None = None
+        self._last: list[int] = []  # Of the publishers that were heard most recently
 
     def take(self, sequence: int) -> None:
         """Count a message that arrived, and those that should have arrived before it."""
         self.received += 1
-        if self._last is not None and sequence > self._last:
-            self.lost += sequence - self._last - 1
-        self._last = sequence
+        nearest = max((last for last in self._last if last < sequence), default=None)
+        if nearest is not None:
+            self.lost += sequence - nearest - 1
+            self._last.remove(nearest)
+        self._last = [*self._last, sequence][-_PUBLISHERS:]
 
 
 class Refusals:
