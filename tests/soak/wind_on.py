@@ -5,8 +5,11 @@ It prints `winding` when the machine winds for the first time, and then a line f
 
 import sys
 import time
+from typing import Any
 
 import rclpy
+from lifecycle_msgs.msg import Transition
+from lifecycle_msgs.srv import ChangeState
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
@@ -29,12 +32,24 @@ class Operator:
                 self.phase = status.values.get("phase", "")
 
     def press(self, name: str) -> None:
-        """Call a service until the machine takes it."""
-        client = self.node.create_client(Trigger, f"rig/{name}")
+        """Call a service of the machine."""
+        self._call(Trigger, f"rig/{name}", Trigger.Request())
+
+    def reset(self) -> None:
+        """Reset the machine, and let its listeners begin a new run, as Reset of the page does."""
+        self.press("reset")
+        for listener in (topics.FEM, topics.TRACKER, topics.CORRECTION):
+            for change in (Transition.TRANSITION_DEACTIVATE, Transition.TRANSITION_ACTIVATE):
+                request = ChangeState.Request(transition=Transition(id=change))
+                self._call(ChangeState, f"{listener}/change_state", request)
+
+    def _call(self, kind: type, name: str, request: Any) -> None:
+        """Call a service until it is taken."""
+        client = self.node.create_client(kind, name)
         client.wait_for_service()
         taken = False
         while not taken:
-            pending = client.call_async(Trigger.Request())
+            pending = client.call_async(request)
             rclpy.spin_until_future_complete(self.node, pending, timeout_sec=5.0)
             taken = pending.done() and pending.result().success
         self.node.destroy_client(client)
@@ -55,7 +70,7 @@ def wind(namespace: str, minutes: float) -> None:
     while time.monotonic() < end:
         operator.wait_for("finished")
         print("a run is over", flush=True)
-        operator.press("reset")
+        operator.reset()
         operator.wait_for("idle")
         operator.press("start")
         operator.wait_for("winding")

@@ -16,7 +16,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from winding_core.machine.readings import AxisReading
 from winding_core.run_options import OperatorLimits
-from winding_core.run_outcome import EndedBy
+from winding_core.run_outcome import Cause, EndedBy
 from winding_core.status import Status
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
@@ -173,6 +173,22 @@ async def test_encoders_show_a_run_that_the_machine_has_not_reported() -> None:
     session.machine.wind(0.02, 200, angle=SPEED * 0.02)
     assert session.conduct.catch_up()
     assert session.conduct.wound == {"case": 4}
+
+
+@pytest.mark.asyncio
+async def test_a_late_status_of_winding_lifts_no_protective_stop() -> None:
+    session = Session()
+    cause = Cause(by=EndedBy.SUPERVISION, source="cable_fem", text="cable_fem is gone", t=0.4)
+    session.machine.wind(0.0, 500)
+    # Supervision has stopped the machine before its first status has come.
+    session.log.hold(cause)
+    session.reports("winding", 0.399)
+    session.reports("stopping", 0.499)
+    assert session.log.held is cause
+    # Somebody starts it again.
+    session.machine.wind(0.5, 300, angle=SPEED * 0.5)
+    session.reports("winding", 0.799)
+    assert session.log.held is None
 
 
 @pytest.mark.asyncio

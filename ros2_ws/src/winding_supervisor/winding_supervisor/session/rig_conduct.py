@@ -161,10 +161,12 @@ class RigConduct(Conduct):
 
     def _enter(self, phase: str | None, status: Status) -> None:
         if phase == _WINDING:
-            if not self._under_way and self._log.held is None:
+            if self._under_way:
+                self._log.resume()
+            elif self._log.held is None:
+                # Otherwise supervision has stopped the machine since this was reported.
                 self._log.begin_run()
             self._under_way, self._end, self._stop = True, None, None
-            self._log.resume()
         elif phase == _FINISHED:
             self._end = float(status.values["time"])
         elif self._under_way and phase is not None and phase != _IDLE:

@@ -58,6 +58,11 @@ class EventLog:
         """Note that the machine winds on."""
         self.held = None
 
+    def release(self, cause: Cause) -> None:
+        """Note that what held the machine is dealt with, if it is this cause that holds it."""
+        if self.held is cause:
+            self.held = None
+
     def end(self, cause: Cause) -> Cause:
         """Note why the run ends; return the first cause, such as what stopped its machine."""
         self.cause = self.cause or self.held or cause

@@ -255,6 +255,7 @@ class Supervisor:
         if self._left_alone and not self.machine.built:
             # Nothing can move, and whoever was preparing it waits for this node in vain.
             self._end(cause)
+        idle = self._left_alone
         self.log.hold(cause)
         await self._stop_machine(cause)
         policy = next((spec.policy for spec in self._graph if spec.name == finding.node), None)
@@ -264,6 +265,9 @@ class Supervisor:
             await self.orchestrator.process(finding.node).kill()
             self._end(cause)
         await self._start_again(cause, policy)
+        if idle:
+            # Nothing was wound that it could have ended.
+            self.log.release(cause)
 
     async def _stop_machine(self, cause: Cause) -> None:
         failure = await self.machine.quick_stop()
