@@ -70,6 +70,22 @@ async def started(node: NodeProcess, work: Work, client: AsyncClient) -> None:
         await node.kill()
 
 
+@pytest.mark.slow
+@pytest.mark.asyncio
+async def test_a_node_whose_parameters_are_gone_names_their_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros"))
+    spec = next(spec for spec in GRAPH if spec.name == topics.CORRECTION)
+    node = node_process(spec, NAMESPACE, tmp_path, {})
+    file = tmp_path / f"{topics.CORRECTION}.yaml"
+    file.unlink()
+    await node.start()
+    assert await node.ended() != 0
+    await node.kill()
+    assert node.complaint() == f"{file} is gone"
+
+
 @pytest.mark.processes
 @pytest.mark.campaign
 def test_compiling_is_no_deadline_and_is_seen(

@@ -24,6 +24,7 @@ _HELD = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
 _WORK = 4.0
 # On a busy computer a process may wait long for the processor, or for the disk.
 _WAITING = (psutil.STATUS_RUNNING, psutil.STATUS_DISK_SLEEP)
+_FILE = "--params-file"
 _ERROR_MARKS = ("error:", "[ERROR]", "[FATAL]")
 # A node that complains without end may not fill the disk: two files of this size [bytes].
 LOG_LIMIT = 4_000_000
@@ -151,6 +152,11 @@ class NodeProcess:
         if self.return_code == -signal.SIGKILL:
             # What it printed had another cause.
             return ""
+        named = zip(self.arguments, self.arguments[1:], strict=False)
+        gone = [file for option, file in named if option == _FILE and not Path(file).exists()]
+        if gone:
+            # ROS prints that it cannot parse its arguments.
+            return f"{gone[0]} is gone"
         errors = [line for line in self._complaints if line.startswith(_ERROR_MARKS)]
         if errors:
             return errors[-1].removeprefix("error: ").split("]: ", 1)[-1]
@@ -212,7 +218,7 @@ def node_process(
     arguments.append("--disable-external-lib-logs")
     for file in (parameters_file, own):
         if file is not None:
-            arguments += ["--params-file", str(file)]
+            arguments += [_FILE, str(file)]
     log = log_directory / f"{spec.name}.log"
     return NodeProcess(spec, arguments, child_environment(), log)
 

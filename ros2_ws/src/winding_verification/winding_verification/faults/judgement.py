@@ -28,7 +28,7 @@ _CAUSES: Mapping[str, str] = {
     "successor": r"supervision\|.*{node}",
     "signal": r"signal\|SIG",
     "disk": "",
-    "remove": "",
+    "remove": r"fault\|.*(is gone|No such file)",
 }
 _ENDING = (
     "kill winding_rig",
