@@ -105,7 +105,7 @@ class MessageGuard:
 
     Attributes:
         topic: Its name.
-        accepted: Messages let in since the node was configured.
+        accepted: Messages let in since the run began.
         refused: Messages kept out.
         reason: Why the last one was kept out.
         alarm: Why messages were kept out for longer than PATIENCE; latched until `restart`.
@@ -139,6 +139,7 @@ class MessageGuard:
         self._last = None
         self._refusing = None
         self.alarm = ""
+        self.accepted = self.refused = 0
         if self.cadence is not None:
             self.cadence = Cadence(self.topic)
 

@@ -55,7 +55,9 @@ RESET = _service(
     "rig/reset",
     Trigger,
     RIG,
-    "back to the start of the run, a latched stop released; only while stopped",
+    "back to the start of the run, a latched stop released; only while stopped. Active listeners "
+    "go on with the run that was: deactivate and activate them before the next start, as Reset of "
+    "the page does",
 )
 EMERGENCY_STOP = _service("rig/emergency_stop", Trigger, RIG, "cut the drives at once")
 SET_CAMERA_INFO = _service(

@@ -197,8 +197,9 @@ class Supervisor:
             if complaint:
                 self._find(self.machine.name, complaint, fatal=True, by=EndedBy.MACHINE)
                 return
-            # A node that is given nothing it can use has asked the machine to stop by itself.
-            for name in self._healthy:
+            # A node that is given nothing it can use has asked the machine to stop by itself. One
+            # that was not activated since a reset cannot use the readings of the next run.
+            for name in () if self._left_alone and self.machine.simulated else self._healthy:
                 status = self.client.status(f"{name}: topics")
                 if status is not None and status.level >= Level.ERROR:
                     self._find(name, status.message, fatal=True)
