@@ -113,6 +113,26 @@ def test_answer_that_makes_no_progress_is_named() -> None:
     assert found.index(wrong) * 0.05 == pytest.approx(5.0, abs=0.06)
 
 
+def test_an_answer_is_waited_for_while_its_node_wants_the_processor() -> None:
+    watch, working = SensorWatch(), {"tracker/markers", "fem/markers"}
+    looks = iter(range(400))
+
+    def first_finding() -> tuple[float, Any]:
+        for k in looks:
+            # The solver wants none after 10 s; the tracker is given none for 20 s.
+            found = watch.look(0.05 * k, in_step(2.0), stamps, working.__contains__)
+            if found:
+                return 0.05 * k, found
+            if k == 200:
+                working.remove("fem/markers")
+        return 20.0, None
+
+    stamps = {"tracker/markers": 1.0, "fem/markers": 1.2}
+    after, found = first_finding()
+    assert found == ("fem/markers", "has brought nothing new since 1.200 s of simulated time")
+    assert after == pytest.approx(15.0, abs=0.06)
+
+
 def test_restarts_wait_longer_each_time_and_end_after_three() -> None:
     backoff = Backoff()
     assert [backoff.next_wait(now) for now in (0.0, 5.0, 10.0, 15.0)] == [0.0, 0.5, 1.0, None]

@@ -28,6 +28,7 @@ class AttachedNode:
     return_code: ClassVar[int | None] = None  # It does not end for this process
     # Without its process to look at, silence is the only sign of a hang.
     stopped: ClassVar = True
+    wants_processor: ClassVar = False  # That is not seen from here
 
     @property
     def pid(self) -> int:

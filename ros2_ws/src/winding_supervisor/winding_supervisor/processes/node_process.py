@@ -74,6 +74,14 @@ class NodeProcess:
         except psutil.NoSuchProcess:
             return False
 
+    @property
+    def wants_processor(self) -> bool:
+        """Whether the process runs, or waits for the processor or the disk."""
+        try:
+            return self.started and psutil.Process(self.pid).status() in _WAITING
+        except psutil.NoSuchProcess:
+            return False
+
     def work(self) -> object:
         """Return what changes from look to look while the process and its children work.
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from statistics import median
 
@@ -14,7 +14,7 @@ _LEAD = 0.5
 # Wall time for which it has to do so [s]; one that lies behind has to stand still as well, for a
 # busy machine or disk makes topics late without silencing them.
 _PATIENCE = 2.0
-# Wall time without any progress of an awaited answer [s].
+# Wall time without any progress of an awaited answer [s], while who gives it wants no processor.
 _STANDSTILL = 5.0
 
 
@@ -23,10 +23,15 @@ class SensorWatch:
     """Compares the newest stamps of one machine's topics."""
 
     _since: dict[str, tuple[float, float]] = field(default_factory=dict)
-    _progress: dict[str, tuple[float, float]] = field(default_factory=dict)
+    # Of each answer its newest stamp, for how long nothing newer was waited for, and until when [s]
+    _progress: dict[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def look(
-        self, now: float, sensors: Mapping[str, float], answers: Mapping[str, float]
+        self,
+        now: float,
+        sensors: Mapping[str, float],
+        answers: Mapping[str, float],
+        at_work: Callable[[str], bool] = lambda _topic: False,
     ) -> tuple[str, str] | None:
         """Return which topic is wrong at wall time `now` [s], and how, to follow its name; or None.
 
@@ -34,6 +39,7 @@ class SensorWatch:
             now: Wall time [s].
             sensors: Newest stamp [s] of each topic of the machine.
             answers: Newest stamp [s] of each topic that follows the machine.
+            at_work: Returns whether who gives an answer wants the processor.
         """
         middle = median(sensors.values())
         for topic, stamp in sensors.items():
@@ -50,21 +56,18 @@ class SensorWatch:
                 if early:
                     return topic, f"is at {stamp:.3f} s while the machine is at {middle:.3f} s"
                 return topic, f"is silent since {stamp:.3f} s of simulated time"
-        return self._stuck_answer(now, middle, answers)
+        for topic, stamp in answers.items():
+            last, waited, before = self._progress.get(topic, (stamp, 0.0, now))
+            if stamp != last or stamp >= middle - _LAG:
+                waited = 0.0
+            elif not at_work(topic):
+                waited += now - before
+            self._progress[topic] = (stamp, waited, now)
+            if waited >= _STANDSTILL:
+                return topic, f"has brought nothing new since {stamp:.3f} s of simulated time"
+        return None
 
     def forget(self) -> None:
         """Begin anew: the machine stood meanwhile."""
         self._since.clear()
         self._progress.clear()
-
-    def _stuck_answer(
-        self, now: float, middle: float, answers: Mapping[str, float]
-    ) -> tuple[str, str] | None:
-        for topic, stamp in answers.items():
-            last, since = self._progress.get(topic, (stamp, now))
-            if stamp != last or stamp >= middle - _LAG:
-                last, since = stamp, now
-            self._progress[topic] = (last, since)
-            if now - since >= _STANDSTILL:
-                return topic, f"has brought nothing new since {stamp:.3f} s of simulated time"
-        return None

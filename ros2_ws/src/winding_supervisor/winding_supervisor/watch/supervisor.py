@@ -191,6 +191,12 @@ class Supervisor:
     async def _look(self) -> None:
         """Watch the stamps of the sensors and the diagnostics of the nodes."""
         clock = WatchClock()
+        givers = {spec.answer: spec.name for spec in self._graph if spec.answer is not None}
+        names = {topic.name: name for topic, name in givers.items()}
+
+        def at_work(topic: str) -> bool:
+            return self.orchestrator.process(names[topic]).wants_processor
+
         while True:
             await asyncio.sleep(_LOOK_PERIOD)
             complaint = self.machine.complaint()
@@ -209,12 +215,9 @@ class Supervisor:
             if self._left_alone or not awake:
                 self._sensors.forget()
                 continue
-            answers = {
-                spec.answer.name: self.buffer.last_stamp(spec.answer)
-                for spec in self._graph
-                if spec.answer is not None
-            }
-            wrong = self._sensors.look(clock.look(time.monotonic()), sensors, answers)
+            answers = {topic.name: self.buffer.last_stamp(topic) for topic in givers}
+            now = clock.look(time.monotonic())
+            wrong = self._sensors.look(now, sensors, answers, at_work)
             if wrong is not None:
                 self._find(*wrong, fatal=True)
                 return
