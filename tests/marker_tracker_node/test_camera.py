@@ -78,7 +78,8 @@ NO_CAMERAS = [
     ({"d": [0.1, 0.2]}, "5 finite"),
     ({"roi": (1900, 0, 100, 100)}, "leaves the sensor"),
     ({"roi": (0, 0, 2, 2), "binning": 3}, "holds no pixel"),
-    ({"d": [-8.0, 0.0, 0.0, 0.0, 0.0]}, "cannot be inverted"),
+    ({"d": [-8.0, 0.0, 0.0, 0.0, 0.0]}, "folds the picture"),
+    ({"d": [0.0, 0.0, 9.0, 0.0, 0.0]}, "cannot be inverted"),
 ]
 
 
@@ -175,6 +176,40 @@ def test_photographs_without_a_board_are_counted_and_too_few_refused():
         calibrate([good[0], blank, blank], CHARUCO)
     with pytest.raises(CalibrationError, match="one size"):
         calibrate([good[0], good[1][:-1]], CHARUCO)
+
+
+@pytest.mark.parametrize("more", [-1, 1])
+@pytest.mark.parametrize("marker", [6e-3, None])
+def test_inner_corners_given_as_squares_are_named(more, marker):
+    shown = replace(CHARUCO, marker=marker)
+    print_ = cv2.copyMakeBorder(
+        shown.picture(12_500.0), 60, 60, 60, 60, cv2.BORDER_CONSTANT, value=255
+    )
+    given = replace(shown, columns=14 + more, rows=8 + more)
+    with pytest.raises(CalibrationError, match="14 x 8 squares, which has 13 x 7 inner corners"):
+        calibrate([print_] * 4, given)
+
+
+@pytest.mark.parametrize(
+    ("k1", "k2", "k3", "folds"),
+    [
+        # A corner lies 0.497 focal lengths from the centre; the picture folds where
+        # 1 + 7 k3 r^6 = 0, at 0.516 and 0.453 focal lengths.
+        pytest.param(0.0, 0.0, -3.0, False, id="grows up to the corner"),
+        pytest.param(0.0, 0.0, -6.6, True, id="folds before it"),
+        pytest.param(-1.6, 0.0, 0.0, True, id="barrel"),
+        pytest.param(0.6, 0.3, 0.2, False, id="pincushion"),
+    ],
+)
+def test_a_lens_that_folds_its_picture_is_refused(k1, k2, k3, folds):
+    given = {"width": SIZE[0], "height": SIZE[1], "k": BOARD_K, "d": [k1, k2, 0.0, 0.0, k3]}
+    if not folds:
+        PinholeCamera.from_info(**given)
+        return
+    with pytest.raises(ValueError, match="folds the picture"):
+        PinholeCamera.from_info(**given)
+    # In a window around the centre no ray comes near the fold.
+    PinholeCamera.from_info(**given, roi=(430, 210, 100, 100))
 
 
 def test_real_chessboards_of_opencv():

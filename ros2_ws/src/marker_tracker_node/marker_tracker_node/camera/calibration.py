@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -140,11 +140,11 @@ def calibrate(pictures: Sequence[ByteArray], board: Board) -> Calibration:
     sizes = {picture.shape[:2] for picture in pictures}
     if len(sizes) != 1:
         raise CalibrationError(f"photographs must have one size, got {sorted(sizes)}")
-    seen = [found for picture in pictures if (found := board.corners(picture)) is not None]
+    seen = _views(pictures, board)
     if len(seen) < LEAST_VIEWS:
         raise CalibrationError(
-            f"at least {LEAST_VIEWS} photographs must show the board, {len(seen)} of "
-            f"{len(pictures)} do"
+            f"at least {LEAST_VIEWS} photographs must show the board of {board.columns} x "
+            f"{board.rows} squares, {len(seen)} of {len(pictures)} do{_shown(pictures, board)}"
         )
     height, width = sizes.pop()
     residual, matrix, distortion, _, _ = cv2.calibrateCamera(
@@ -154,15 +154,44 @@ def calibrate(pictures: Sequence[ByteArray], board: Board) -> Calibration:
         None,
         None,
     )
-    camera = PinholeCamera.from_info(
-        width=width, height=height, k=matrix, d=np.ravel(distortion)[:5]
-    )
+    try:
+        camera = PinholeCamera.from_info(
+            width=width, height=height, k=matrix, d=np.ravel(distortion)[:5]
+        )
+    except ValueError as error:
+        raise CalibrationError(
+            f"the photographs do not determine the lens: {error}; show the board near the edges "
+            "and in the corners as well, and tilted"
+        ) from error
     return Calibration(
         camera=camera,
         residual=float(residual),
         views=len(seen),
         refused=len(pictures) - len(seen),
     )
+
+
+def _views(pictures: Sequence[ByteArray], board: Board) -> list[tuple[FloatArray, FloatArray]]:
+    """Return the corners of every photograph that shows the board, see `Board.corners`."""
+    return [found for picture in pictures if (found := board.corners(picture)) is not None]
+
+
+def _shown(pictures: Sequence[ByteArray], board: Board) -> str:
+    """Return what a refusal adds when a board with one square more or less each way is there.
+
+    Inner corners are counted as often as squares.
+    """
+    for more in (1, -1):
+        if min(board.columns, board.rows) + more < 3:
+            continue
+        other = replace(board, columns=board.columns + more, rows=board.rows + more)
+        found = len(_views(pictures, other))
+        if found >= LEAST_VIEWS:
+            return (
+                f"; {found} show one of {other.columns} x {other.rows} squares, which has "
+                f"{other.columns - 1} x {other.rows - 1} inner corners: count squares"
+            )
+    return ""
 
 
 def write_camera(path: Path, camera: PinholeCamera, name: str = "camera") -> None:

@@ -187,10 +187,37 @@ class PinholeCamera:
         found = [pixel_of_plane(view, *plane) for plane in planes]
         return np.array(found, dtype=float).reshape(-1, 2)
 
+    def _radial_reach(self) -> float:
+        """Return the radius in the picture, over the focal length, that no ray goes beyond.
+
+        The radial part r (1 + k1 r^2 + k2 r^4 + k3 r^6) of plumb_bob grows with r only up to there.
+        """
+        k1, k2, k3 = (float(self.d[k]) for k in (0, 1, 4))
+        turns = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
+        squares = turns.real[(np.abs(turns.imag) < 1.0e-9) & (turns.real > 0.0)]
+        if squares.size == 0:
+            return math.inf
+        q = float(squares.min())
+        return math.sqrt(q) * (1.0 + q * (k1 + q * (k2 + q * k3)))
+
     def _require_invertible(self) -> None:
         """Refuse a distortion that folds the image over itself within the region used."""
         view = self.view(CameraPose())
         rows, columns = self.shape
+        # The farthest pixel from the centre is a corner of the window.
+        x, y, width, height = self.roi
+        farthest = max(
+            math.hypot((u - self.k[0, 2]) / self.k[0, 0], (v - self.k[1, 2]) / self.k[1, 1])
+            for u in (x - 0.5, x + width - 0.5)
+            for v in (y - 0.5, y + height - 0.5)
+        )
+        reach = self._radial_reach()
+        if reach < farthest:
+            raise ValueError(
+                f"distortion {self.d.tolist()} folds the picture "
+                f"{reach * self.k[0, 0]:.0f} px from its centre, and it reaches "
+                f"{farthest * self.k[0, 0]:.0f} px: no lens does that"
+            )
         for u in np.linspace(-0.5, columns - 0.5, 17):
             for v in np.linspace(-0.5, rows - 0.5, 9):
                 a, b = plane_of_pixel(view, u, v)
