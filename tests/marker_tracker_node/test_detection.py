@@ -14,7 +14,7 @@ from marker_tracker_node.detection.colour import Palette, colour_index, hsv
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.colour_band import measure as measure_mark
 from marker_tracker_node.detection.gate import HIDDEN, MEASURED, PARTLY, empty_gates
-from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
+from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, guarded, predict_gate
 from winding_rig_node.camera import CablePath, CameraConfig, Window
 
 # Every sensor pixel around the middle of the cylinder's first turn.
@@ -89,6 +89,17 @@ def test_a_touching_turn_hides_what_the_renderer_hides(smooth_film):
     # Rays are taken for parallel over two turns, and the renderer's sections are chords of 3 px.
     assert off[1] < min(0.12, 0.5 * off[0])
     assert 0.0 < more[1] < 0.7 * more[0]
+
+
+def test_only_a_gap_that_the_picture_does_not_show_cuts_a_band_off(smooth_film):
+    film = smooth_film(4)
+    view, body = view_and_body(film)
+    setup = film.tracker().config.setup(view)
+    for pixels, cut in ((0.0, True), (1.0, True), (2.0, False)):
+        away = 2.0 * body.cable_radius + pixels / axis_scale(view)
+        band = guarded(setup, Band(AZIMUTH, 0.0, 0.0, below=away, above=away), True, True)
+        assert (band.low > -math.pi, band.high < math.pi) == (cut, cut), pixels
+        assert band.low == -band.high
 
 
 @pytest.fixture(scope="module")

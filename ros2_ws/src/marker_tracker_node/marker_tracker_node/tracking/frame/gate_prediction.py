@@ -27,7 +27,8 @@ RING_DEPTH = 0.65
 TOUCH_REACH = 1.5
 # Gates that overlap by less hold no pixels of each other's band [px].
 OVERLAP = 1.0
-# How far from a turn of the same colour a band is cut off [m, px of the picture].
+# How far from a turn of the same colour a band is cut off, and the gap to it that needs no cut
+# [m, px of the picture]: in a gap of 1.5 pixels one pixel at least is paint by less than half.
 GUARD = 0.15e-3
 GUARD_PIXELS = 1.5
 # Half way to a turn so much farther than the gate reaches there is nothing to keep off [m].
@@ -139,15 +140,17 @@ def axis_scale(camera: CameraView) -> float:  # pragma: no cover
 def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # pragma: no cover
     """Return a band cut off before it meets the turn on its -z side, on its +z side, or both.
 
-    Beside a turn whose band has the same colour the last pixels may belong to either, and those
-    beyond the band's own end are the farthest from its middle.
+    Where the picture shows no gap to a turn whose band has the same colour, the last pixels may
+    belong to either, and those beyond the band's own end are the farthest from its middle. What
+    the mask has wrong at one edge is made up for by the other one only while both are seen: cut
+    off, a band lies as far off as its free edge does.
     """
     r = setup.body.cable_radius
     guard = max(GUARD, GUARD_PIXELS / axis_scale(setup.camera))
     low, high = band.low, band.high
-    if below and band.below < 2.0 * r + 2.0 * guard:
+    if below and band.below < 2.0 * r + guard:
         low = max(low, -math.asin(max(0.5 * (band.below - 2.0 * guard) / r, 0.0)))
-    if above and band.above < 2.0 * r + 2.0 * guard:
+    if above and band.above < 2.0 * r + guard:
         high = min(high, math.asin(max(0.5 * (band.above - 2.0 * guard) / r, 0.0)))
     return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
 
