@@ -120,7 +120,8 @@ class SightingLog:
             number = round(azimuth / _TURN)
             lap = self.laps.setdefault((n, number), Lap())
             if light is None:
-                light = float(frame[::_LIGHT_STRIDE, ::_LIGHT_STRIDE].mean())
+                shown = frame[::_LIGHT_STRIDE, ::_LIGHT_STRIDE]
+                light = int(shown.sum()) / shown.size
             lap.light += light
             if seen:
                 lap.measured += 1
@@ -193,9 +194,11 @@ class UnnumberedBands:
             turned: Cylinder angle as the camera sees it [rad].
         """
         marks = state.mark_rows
-        known = marks["theta"][marks["known"]]
+        wound, known = marks["theta"].tolist(), marks["known"].tolist()
+        pairs = zip(wound, wound[1:], known, known[1:], strict=False)
+        gaps = [(first, last) for first, last, *both in pairs if all(both)]
         # A gap is known once its second marker has landed, and looked at in the laps after that.
-        widest = max(np.diff(known).tolist(), default=0.0)
+        widest = max((last - first for first, last in gaps), default=0.0)
         laps = math.floor(min(turned, widest + _TURN * (_LOOKS + 3)) / _TURN)
         for lap in range(1 + max(laps, -1)):
             place = math.floor((turned - _TURN * lap - _AHEAD) / _GRID)
@@ -203,9 +206,9 @@ class UnnumberedBands:
             if place < 0 or place in looked or self._looks.get(place, 0) == _LOOKS:
                 continue
             theta = place * _GRID
-            n, share = _band_share(frame, table, fixed, marks, state.path, theta, turned - theta)
-            if n < 0:
+            if not any(first + _BESIDE < theta < last - _BESIDE for first, last in gaps):
                 continue
+            n, share = _band_share(frame, table, fixed, marks, state.path, theta, turned - theta)
             looked.add(place)
             self._looks[place] = self._looks.get(place, 0) + 1
             if math.isinf(share):

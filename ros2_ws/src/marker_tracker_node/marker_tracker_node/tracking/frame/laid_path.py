@@ -104,9 +104,11 @@ def mean_gap(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cove
 def known_around(marks: Marks, theta: float) -> tuple[int, int]:  # pragma: no cover
     """Return the numbers of the known markers below and above a wound angle, -1 for none."""
     below, above = -1, -1
-    for n in range(marks.known.size):
-        if marks.known[n]:
-            if marks.theta[n] <= theta:
+    # A field of records is an array that is made anew wherever it is named.
+    known, wound = marks.known, marks.theta
+    for n in range(known.size):
+        if known[n]:
+            if wound[n] <= theta:
                 below = n
             elif above < 0:
                 above = n
