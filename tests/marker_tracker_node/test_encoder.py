@@ -1,6 +1,6 @@
 """Every frame meets the encoder reading of its own instant; the camera's clock is measured.
 
-Neither these histories nor the log of sightings grow with a run.
+Its histories do not grow with a run.
 """
 
 from __future__ import annotations
@@ -12,10 +12,7 @@ import pytest
 from marker_film import DRIVE, axes
 
 from marker_tracker_node.tracking.checks.camera_clock import ClockOffset
-from marker_tracker_node.tracking.checks.passings import passings_of
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
-from marker_tracker_node.tracking.evidence import SightingLog
-from marker_tracker_node.tracking.state import Burst
 from marker_tracker_node.tracking.synchronised_tracker import Synchroniser
 
 FRAME = np.zeros((2, 2, 3), dtype=np.uint8)
@@ -24,8 +21,6 @@ SHIFT = 0.01
 LIMIT = 0.25
 # Required of the estimate at the end of the ramp.
 REQUIRED = 2.0e-3
-PICTURE = np.zeros((32, 32, 3), dtype=np.uint8)
-SPEED = 1.74
 
 
 def reading(angle):
@@ -196,30 +191,3 @@ def test_a_pause_is_no_wrap_and_a_wrap_is_no_pause(pause):
             history.add(t, true if math.isinf(period) else math.fmod(true, period), 0.0)
         assert history.at(19.99 + pause)[0] == pytest.approx(0.0174 * 1999, abs=1e-9)
         assert history.lost_turns == (0 if math.isinf(period) else 5)
-
-
-def lapped(laps: int) -> SightingLog:
-    """Return the log of a cylinder that turns evenly, one marker in sight over a radian."""
-    log, out = SightingLog(), Burst.empty(1, 1)
-    for t in np.arange(0.0, laps * 2.0 * math.pi / SPEED, 0.02).tolist():
-        angle = SPEED * t
-        away = math.remainder(angle, 2.0 * math.pi)
-        out.angle[0] = angle
-        out.rows["azimuth"][0, 0] = angle if abs(away) < 0.5 else math.nan
-        log.add(PICTURE, t, angle, out, 0)
-    return log
-
-
-@pytest.mark.parametrize("laps", [40, 900])
-def test_the_first_and_the_newest_laps_are_judged(laps):
-    log = lapped(laps)
-    found = passings_of(log)
-    numbers = [item.lap for item in found]
-    assert numbers[:2] == [0, 1]
-    # The last one has begun, with half a radian before the end.
-    assert numbers[-6:] == list(range(laps - 5, laps + 1))
-    assert len(found) == 8
-    # An even turn ahead each; a frame's share of a turn is no error of a straight line.
-    turns = np.diff([item.ahead for item in found[-6:]])
-    np.testing.assert_allclose(turns, 2.0 * math.pi, atol=1.0e-9 * laps)
-    assert len(log.sightings) <= 16384

@@ -36,6 +36,8 @@ _OCCLUDED = int(MarkerFlag.OCCLUDED)
 _ROWS = 16384
 _QUARTER = _ROWS // 4
 _COLUMNS = ("marker", "lap", "t", "angle", "azimuth")
+# Of a sighting that are kept as they are in `Output`.
+_AS_SEEN = ("seen_height", "slope", "low", "high", "below", "above")
 # Every so many rows and columns of a picture show how bright it is.
 _LIGHT_STRIDE = 16
 
@@ -81,12 +83,12 @@ class SightingLog:
 
     def __init__(self) -> None:
         self.laps: dict[tuple[int, int], Lap] = {}
-        self._rows = _Table(_COLUMNS)
+        self._rows = _Table((*_COLUMNS, *_AS_SEEN))
         self._motion = _Table(("t", "angle"))
 
     @property
     def sightings(self) -> FloatArray:
-        """Measured bands, shape (n, 5): marker, lap, t [s], angle [rad], azimuth [rad]."""
+        """Measured bands, see `Seen.rows`, shape (n, 11)."""
         return self._rows.values
 
     @property
@@ -125,7 +127,8 @@ class SightingLog:
             lap.light += light
             if seen:
                 lap.measured += 1
-                self._rows.add((n, number, t, angle, azimuth - _TURN * number))
+                rest = (float(rows[name][n]) for name in _AS_SEEN)
+                self._rows.add((n, number, t, angle, azimuth - _TURN * number, *rest))
             else:
                 lap.missed += 1
 

@@ -15,6 +15,7 @@ from marker_tracker_node.detection.gate import TABLE_SIZE, empty_gates
 from marker_tracker_node.tracking.checks.consistency import RunChecks
 from marker_tracker_node.tracking.checks.lay_check import guide_doubt, missing_markers
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.estimator.problem import Seen
 from marker_tracker_node.tracking.evidence import RunEvidence, UnnumberedBands
 from marker_tracker_node.tracking.frame.frame_update import update_burst
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
@@ -252,9 +253,25 @@ class Tracker:
             colour_refusal=self._start.refusal,
             remarks=self._start.sentences,
             colour_separation=separation,
-            contradictions=self._checks.judged(self._evidence, self._setup, self.state),
+            contradictions=self._checks.judged(
+                self._evidence, self._setup, self.state, self._explained
+            ),
             missing=missing_markers(self._setup, self.state),
             guide_doubt=guide_doubt(self._setup, self.state),
+        )
+
+    def _explained(self) -> Seen:
+        """Return what the estimator explains."""
+        area = self.state.marks.area[self.state.marks.known]
+        area = area[area > 0.0]
+        return Seen.of(
+            rows=self._evidence.log.sightings,
+            motion=self._evidence.log.motion,
+            area=float(np.median(np.log(area))) if area.size else math.nan,
+            camera=self.camera,
+            used=self.pose,
+            nominal=self.config.pose,
+            body=self.config.body,
         )
 
     def _fault(self, frame: ByteArray, t: float) -> FrameFault | None:

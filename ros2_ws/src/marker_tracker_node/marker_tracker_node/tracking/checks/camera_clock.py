@@ -6,7 +6,9 @@ A band n that is seen at azimuth A_n in a frame stamped s obeys
 
 Theta the encoder's angle, d the offset and a_n a constant of the band. Where the speed changes, d
 and a_n separate: over standing and a ramp, the residual of the reading at the stamp is
-a_n - omega d. Least squares over all bands, robust against outliers (Huber), gives d.
+a_n - omega d. A wrong number of camera, cylinder or encoder makes bands move by a share s too far,
+which over a ramp looks like an offset: it is an unknown beside d. Least squares over all bands,
+robust against outliers, gives d.
 """
 
 from __future__ import annotations
@@ -45,10 +47,12 @@ LOCKED = 5.0e-3
 # One azimuth across the picture errs by so much together with its neighbours [rad].
 SYSTEMATIC = 1.0e-3
 LEAST_SCATTER = 3.0e-4
-HUBER = 2.0
+OUTLIER = 2.5
 STEPS = 4
 # The biases of an azimuth grow towards the edge of the cylinder: weight cos^FACING.
 FACING = 4
+# By how much bands may move too far, one standard deviation.
+MOTION_SIGMA = 0.01
 # Speeds that differ by less show nothing [rad/s].
 LEAST_SPAN = 0.01
 # A sighting of less weight than this does not count as having been at its speed.
@@ -116,6 +120,7 @@ class ClockOffset:
         self._at = np.full(shape, np.nan)
         self._count = np.ones(shape)
         self._count[:, REST] = 0.0
+        self._stood = np.zeros(bands)  # Angle at which that was
         self._place = np.zeros(bands, dtype=int)
         self._frames = 0
         self._best, self._best_at = math.inf, 0.0
@@ -157,7 +162,8 @@ class ClockOffset:
         early, late = middle - half, middle + half
         decided = (late <= self._history.newest) & (early >= self._history.oldest)
         turned = self._history.angles(late) - self._history.angles(early)
-        residual = self._azimuth - self._history.angles(middle)
+        angles = self._history.angles(middle)
+        residual = self._azimuth - angles
         for n, row in zip(*np.nonzero(decided & (np.abs(turned) < REST_ANGLE)), strict=True):
             count = self._count[n, REST] = min(self._count[n, REST] + 1.0, REST_WEIGHT)
             if count == 1.0:
@@ -165,7 +171,7 @@ class ClockOffset:
             mean = self._azimuth[n, REST]
             step = min(max(residual[n, row] - mean, -REST_STEP), REST_STEP)
             self._azimuth[n, REST] = mean + step / count
-            self._at[n, REST] = 0.0
+            self._at[n, REST], self._stood[n] = 0.0, angles[n, row]
             self._t[n, row] = self._azimuth[n, row] = self._at[n, row] = np.nan
 
     def _moving(self) -> bool:
@@ -239,16 +245,26 @@ class ClockOffset:
         mean_speed, mean_residual = mean(speed), mean(residual)
         rates = np.where(weight > LEAST_WEIGHT, speed, mean_speed[:, None])
         span = float(np.ptp(rates, axis=1).max())
+        angle = np.where(seen, self._angle, 0.0)
+        angle[:, REST] = self._stood
         speed -= mean_speed[:, None]
         residual -= mean_residual[:, None]
-        information = float((total * mean(speed * speed)).sum())
+        angle -= mean(angle)[:, None]
         if not seen[0].any():
             mean_residual[0] = math.nan
         if span < LEAST_SPAN:
             return ClockEstimate(offset=offset, shift=float(mean_residual[0])), robust
-        step = -float((total * mean(speed * residual)).sum()) / information
+        columns = (-speed, angle)
+        normal = np.array([[(total * mean(a * b)).sum() for b in columns] for a in columns])
+        normal[1, 1] += (SYSTEMATIC / MOTION_SIGMA) ** 2
+        wanted = np.array([(total * mean(column * residual)).sum() for column in columns])
+        step, share = np.linalg.solve(normal, wanted).tolist()
+        information = float(normal[0, 0] - normal[0, 1] ** 2 / normal[1, 1])
         moved = min(max(offset + step, -self._reach), self._reach)
-        left = residual + speed * (moved - offset)
+        left = residual + speed * (moved - offset) - share * angle
+        if abs(moved) == self._reach:
+            # An offset at the bound of the search is unknown.
+            return ClockEstimate(shift=float(mean_residual[0])), robust
         scatter = max(1.4826 * float(np.median(np.abs(left[seen]))), LEAST_SCATTER)
         variance = max(float((weight * left * left).sum() / weight.sum()), LEAST_SCATTER**2)
         found = ClockEstimate(
@@ -256,7 +272,7 @@ class ClockOffset:
             error=math.sqrt(variance / information + (SYSTEMATIC / span) ** 2),
             shift=float(mean_residual[0] + mean_speed[0] * (moved - offset)),
         )
-        return found, 1.0 / np.maximum(np.abs(left) / (HUBER * scatter), 1.0)
+        return found, 1.0 / np.maximum(np.abs(left) / (OUTLIER * scatter), 1.0) ** 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -363,12 +379,7 @@ class CameraClock:
     def refusal(self) -> str:
         """Why frames cannot be used; empty while they can."""
         limit = f"limit camera_clock_limit {self.settings.limit / MILLISECOND:.0f} ms"
-        estimate = self.estimate
-        if self._strayed:
-            return f"{_ahead(self._strayed)}, {limit}: frames are refused"
-        if abs(estimate.offset) - SURE * estimate.error > self.settings.limit:
-            return f"{_ahead(estimate.offset)} or more, {limit}: frames are refused"
-        return ""
+        return f"{_ahead(self._strayed)}, {limit}: frames are refused" if self._strayed else ""
 
     @property
     def warning(self) -> str:

@@ -1,0 +1,1 @@
+"""One least squares over the sightings of a run: which configured number do they contradict?"""

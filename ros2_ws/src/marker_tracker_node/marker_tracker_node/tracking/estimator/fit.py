@@ -1,0 +1,70 @@
+"""Robust least squares: Gauss-Newton with weights that fall with the misfit (Cauchy)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.estimator.problem import Problem
+
+FloatArray = NDArray[np.float64]
+
+# A sighting of so many deviations counts half.
+_CAUCHY = 3.0
+# The cost of a good step falls by more than this, else the fit has settled.
+_SETTLED = 0.2
+_STEPS = 8
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """Unknowns that explain the sightings best under a prior."""
+
+    x: FloatArray  # Unknowns, see `Problem`
+    cost: float  # Twice the negative logarithm of their likelihood, with the prior
+    normal: FloatArray  # Information on them without the prior, shape (unknowns, unknowns)
+    gradient: FloatArray  # Of the sightings at x, shape (unknowns,)
+
+
+def fitted(problem: Problem, prior: FloatArray, start: FloatArray) -> Fit:
+    """Return the unknowns of least cost.
+
+    Args:
+        problem: Sightings and model.
+        prior: Inverse variances about zero, for markers about nothing, shape (unknowns,).
+        start: Where to start.
+    """
+    best = _at(problem, prior, start)
+    for _ in range(_STEPS):
+        pull = best.gradient - prior * best.x
+        step = np.linalg.solve(best.normal + np.diag(prior + 1.0e-9), pull)
+        for share in (1.0, 0.3):
+            found = _at(problem, prior, best.x + share * step)
+            if found.cost < best.cost:
+                break
+        else:
+            return best
+        gained = best.cost - found.cost
+        best = found
+        if gained < _SETTLED:
+            break
+    return best
+
+
+def _at(problem: Problem, prior: FloatArray, x: FloatArray) -> Fit:
+    off, slopes = problem.linearised(x)
+    off, slopes = off / problem.sigma[:, None], slopes / problem.sigma[:, None, None]
+    square = (off**2).sum(axis=1)
+    weight = 1.0 / (1.0 + square / _CAUCHY**2)
+    cost = _CAUCHY**2 * float(np.log1p(square / _CAUCHY**2).sum())
+    area, by_area = problem.area(x)
+    flat = slopes.reshape(-1, x.size)
+    weighted = flat * np.repeat(weight, 2)[:, None]
+    return Fit(
+        x=x,
+        cost=cost + area**2 + float(prior @ x**2),
+        normal=flat.T @ weighted + np.outer(by_area, by_area),
+        gradient=weighted.T @ off.ravel() + area * by_area,
+    )

@@ -1,0 +1,93 @@
+"""Where bands appear in the picture, and how that changes with camera, cylinder and cable."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
+from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_band
+from winding_core.compiling import called, compiled
+
+FloatArray = NDArray[np.float64]
+
+# Columns of `band_pictures` after the picture itself: two of each.
+TILT, PLACE, AZIMUTH, HEIGHT, CYLINDER, CABLE = 2, 8, 14, 16, 18, 20
+_WIDTH = 22
+# Differences of the band model are taken over so much of the radius, and of a radian.
+_STEP = 1.0e-4
+# The visible half of a ring acts like a point this far out, in radii of the cable beyond its
+# centre line: 0.57 to 0.76, see `band`.
+_OUTSIDE = 0.6
+
+
+@compiled
+def band_pictures(
+    view: CameraView, body: Body, bands: FloatArray
+) -> FloatArray:  # pragma: no cover
+    """Return plane coordinates of bands and their derivatives.
+
+    Camera and height move a band as they move the point that its centroid looks like. Turning it
+    does not, as the part that is seen stays on the camera's side: by azimuth and radii the band
+    model itself is differenced.
+
+    Args:
+        view: The camera.
+        body: What the bands are painted on.
+        bands: Fields of `Band`, shape (k, 7).
+
+    Returns:
+        Shape (k, 22): both coordinates; then, for both each, by tilt about three axes [1/rad], by
+        position along three axes [1/m], by azimuth [1/rad], z [1/m], and the logarithms of the
+        radii of cylinder and cable.
+    """
+    out = np.empty((bands.shape[0], _WIDTH))
+    r, radius = body.cable_radius, body.rho - body.cable_radius
+    wider = Body(body.rho + _STEP * radius, r, body.half_band, body.half_around)
+    thicker = Body(
+        body.rho + _STEP * r, r * (1.0 + _STEP), body.half_band, body.half_around
+    )
+    for k in range(bands.shape[0]):
+        row = bands[k]
+        band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+        a, b, _area = band_centroid(view, body, band)
+        out[k, 0], out[k, 1] = a, b
+        _by_camera(view, body, band, a, b, out[k])
+        further = moved_band(band, band.azimuth + _STEP, band.z)
+        _by_difference(band_centroid(view, body, further), out[k], AZIMUTH)
+        _by_difference(band_centroid(view, wider, band), out[k], CYLINDER)
+        _by_difference(band_centroid(view, thicker, band), out[k], CABLE)
+    return out
+
+
+@called
+def _by_difference(
+    moved: tuple[float, float, float], row: FloatArray, first: int
+) -> None:  # pragma: no cover
+    """Write the derivatives that follow from a band that has moved by a step."""
+    row[first] = (moved[0] - row[0]) / _STEP
+    row[first + 1] = (moved[1] - row[1]) / _STEP
+
+
+@called
+def _by_camera(
+    view: CameraView, body: Body, band: Band, a: float, b: float, row: FloatArray
+) -> None:  # pragma: no cover
+    """Write the derivatives by tilt, position and z: those of a point of the picture at (a, b)."""
+    outside = body.rho + _OUTSIDE * body.cable_radius
+    x, y = outside * math.cos(band.azimuth), outside * math.sin(band.azimuth)
+    if band.azimuth < 0.0:
+        x, y = outside, body.rho * band.azimuth
+    _a, _b, depth = plane_of_point(view, x, y, band.z)
+    row[TILT], row[TILT + 1] = a * b, 1.0 + b * b
+    row[TILT + 2], row[TILT + 3] = -1.0 - a * a, -a * b
+    row[TILT + 4], row[TILT + 5] = b, -a
+    row[PLACE] = (a * view.forward_x - view.right_x) / depth
+    row[PLACE + 1] = (b * view.forward_x - view.down_x) / depth
+    row[PLACE + 2] = (a * view.forward_y - view.right_y) / depth
+    row[PLACE + 3] = (b * view.forward_y - view.down_y) / depth
+    row[PLACE + 4] = (a * view.forward_z - view.right_z) / depth
+    row[PLACE + 5] = (b * view.forward_z - view.down_z) / depth
+    row[HEIGHT], row[HEIGHT + 1] = -row[PLACE + 4], -row[PLACE + 5]

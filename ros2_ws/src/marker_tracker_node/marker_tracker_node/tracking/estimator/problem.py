@@ -1,0 +1,265 @@
+"""The measurement model: residuals of all sightings, and their derivatives by every unknown.
+
+Unknown are the configured numbers, by how much each is set too large, wound angle and height of
+every marker, and what the mask has wrong in all frames:
+
+    Theta = Theta_encoder((t - d) / (1 + s)) / (1 + e)
+    picture = f / f_set  projection(pose, R, r; Theta + phi - theta_n, z_n)
+    measured = picture + bias(azimuth) + noise
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.detection.band import Band, Body, band_centroid
+from marker_tracker_node.detection.colour_band import WHOLE_AREA
+from marker_tracker_node.tracking.estimator import pictures
+from marker_tracker_node.tracking.estimator.numbers import (
+    BAND,
+    CABLE,
+    CLOCK,
+    COUNT,
+    CYLINDER,
+    FOCAL,
+    NUMBERS,
+    PLACE,
+    SCALE,
+    TILT,
+    TIMES,
+    ZERO,
+)
+
+FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+# Columns of sightings.
+MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, SLOPE = range(7)
+# Bands of consistent runs are 1 to 5 % smaller than they are, as their edges are mixed pixels.
+USUAL_AREA, AREA_SIGMA = -0.03, 0.03
+# Laps of a marker that are explained, and sightings: what a long run costs does not grow with it.
+_FIRST_LAPS, _NEWEST_LAPS, _MOST_ROWS = 2, 4, 400
+# Bands that are seen from the side tell little: cosine of the largest azimuth.
+_FACING = 0.5
+_AREA_STEP = 0.01
+_AREA_AZIMUTHS = np.linspace(-0.9, 0.9, 7)
+# One standard deviation [px] along the cylinder and across it of a constant, of what goes with the
+# sine of the azimuth, and with twice its square less one, of all bands in common, of one marker
+# beside that, and of bands cut off at either side: see `refinement`.
+_COMMON = ((0.1, 0.05), (0.06, 0.12), (0.06, 0.06))
+_OF_MARKER = ((0.05, 0.05), (0.05, 0.05), (0.05, 0.05))
+_OF_CUT = ((0.3, 0.1), (0.2, 0.1), (0.2, 0.1))
+# Least scatter of a sighting, and what a cut adds to it [px].
+_SCATTER, _CUT_SCATTER = 0.1, 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """What is explained.
+
+    Attributes:
+        rows: Sightings: marker, lap, t [s], encoder angle [rad], azimuth within the lap [rad],
+            and z, slope, low, high, below, above as in `Band`, shape (k, 11).
+        motion: The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad].
+        area: Logarithm of the median of measured over expected area; nan if there is none.
+        used: Pose with which azimuth and z were computed.
+        nominal: Pose as configured.
+    """
+
+    rows: FloatArray
+    motion: FloatArray
+    area: float
+    camera: PinholeCamera
+    used: CameraPose
+    nominal: CameraPose
+    body: Body
+
+    @classmethod
+    def of(cls, *, rows: FloatArray, **others: Any) -> Seen:
+        """Return what is explained of all sightings: the first laps and the newest, thinned."""
+        kept = np.zeros(len(rows), dtype=bool)
+        for marker in np.unique(rows[:, MARKER]):
+            own = rows[:, MARKER] == marker
+            laps = np.unique(rows[own, LAP])
+            chosen = np.concatenate([laps[:_FIRST_LAPS], laps[_FIRST_LAPS:][-_NEWEST_LAPS:]])
+            kept |= own & np.isin(rows[:, LAP], chosen) & (np.cos(rows[:, AZIMUTH]) > _FACING)
+        rows = rows[kept]
+        return cls(rows=rows[:: max(-(-len(rows) // _MOST_ROWS), 1)], **others)
+
+
+class Problem:
+    """Residuals and derivatives of a run.
+
+    Attributes:
+        prior: Inverse variances of the unknowns, shape (unknowns,).
+        start: Unknowns that explain the run if every configured number is right.
+        sigma: Scatter of each sighting [px], shape (k,).
+        measured: Numbers of the markers that were seen, ascending.
+    """
+
+    def __init__(self, seen: Seen) -> None:
+        """Take what was seen."""
+        rows = seen.rows
+        self._seen = seen
+        self.markers, self._index = np.unique(rows[:, MARKER].astype(int), return_inverse=True)
+        count = self.markers.size
+        self._first_z = COUNT + count
+        self._first_bias = COUNT + 2 * count
+        turn = 2.0 * math.pi
+        azimuth = rows[:, AZIMUTH] + turn * rows[:, LAP]
+        self._bands = np.column_stack([azimuth, rows[:, Z : Z + 6]])
+        self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
+        view = seen.camera.view(seen.used)
+        self._goal = pictures.band_pictures(view, seen.body, self._bands)[:, :2]
+        cuts = _cuts(rows, seen.body.cable_radius)
+        self._bias, bias_prior = _biases(rows, self._index, cuts)
+        self.sigma = np.where(cuts.any(axis=0), math.hypot(_SCATTER, _CUT_SCATTER), _SCATTER)
+        self._since = float(seen.motion[0, 0])
+        self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
+        self.start = np.zeros(self._first_bias + self._bias.shape[2])
+        for i in range(count):
+            own = self._index == i
+            self.start[COUNT + i] = np.median(rows[own, ANGLE] - azimuth[own])
+            self.start[self._first_z + i] = np.median(rows[own, Z])
+        self.prior = np.zeros(self.start.size)
+        self.prior[:COUNT] = [number.doubt**-2 for number in NUMBERS]
+        self.prior[self._first_bias :] = bias_prior
+        if self.markers[0] == 0:
+            # P0 is where angles and heights begin.
+            self.prior[COUNT] = self.prior[self._first_z] = 1.0e12
+            self.start[COUNT] = self.start[self._first_z] = 0.0
+        self._nominal = np.array([*seen.nominal.tilt, *seen.nominal.position])
+        self._by_area = _area_slopes(view, seen.body)
+
+    def linearised(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return what the unknowns leave unexplained, and its derivatives by them.
+
+        Args:
+            x: Unknowns, shape (unknowns,).
+
+        Returns:
+            Measured less explained picture, shape (k, 2) [px], and derivatives of what is
+            explained, shape (k, 2, unknowns).
+        """
+        seen, rows = self._seen, self._seen.rows
+        late, longer = 1.0 / (1.0 + x[SCALE]), 1.0 / (1.0 + x[TIMES])
+        at = self._since + (rows[:, TIME] - x[CLOCK] - self._since) * longer
+        times, angles = seen.motion[:, 0], seen.motion[:, 1]
+        theta = np.interp(at, times, angles)
+        speed = np.interp(at, times, self._speed)
+        early = np.minimum(at - times[0], 0.0) + np.maximum(at - times[-1], 0.0)
+        theta = (theta + speed * early) * late
+        bands = self._bands.copy()
+        bands[:, 0] = theta + x[ZERO] - x[COUNT + self._index]
+        bands[:, 1] = x[self._first_z + self._index]
+        found = pictures.band_pictures(self._view(x), self._body(x), bands)
+        scale = self._focal / (1.0 + x[FOCAL])
+        slopes = np.zeros((len(rows), 2, x.size))
+        pairs = found.reshape(len(rows), 11, 2) * scale
+
+        def by(column: int) -> FloatArray:
+            return np.asarray(pairs[:, column // 2])
+
+        azimuth = by(pictures.AZIMUTH)
+        slopes[:, :, SCALE] = -azimuth * (theta * late)[:, None]
+        slopes[:, :, CLOCK] = -azimuth * (speed * longer * late)[:, None]
+        slopes[:, :, TIMES] = -azimuth * (speed * longer * late * (at - self._since))[:, None]
+        slopes[:, :, ZERO] = azimuth
+        for axis in range(3):
+            # A pose that is set too large was further back in truth.
+            slopes[:, :, TILT + axis] = -by(pictures.TILT + 2 * axis)
+            slopes[:, :, PLACE + axis] = -by(pictures.PLACE + 2 * axis)
+        slopes[:, :, FOCAL] = -by(0) / (1.0 + x[FOCAL])
+        slopes[:, :, CYLINDER] = -by(pictures.CYLINDER) / (1.0 + x[CYLINDER])
+        slopes[:, :, CABLE] = -by(pictures.CABLE) / (1.0 + x[CABLE])
+        here = np.arange(len(rows))
+        slopes[here, :, COUNT + self._index] = -azimuth
+        slopes[here, :, self._first_z + self._index] = by(pictures.HEIGHT)
+        slopes[:, :, self._first_bias :] = self._bias
+        explained = by(0) + self._bias @ x[self._first_bias :]
+        return self._focal * self._goal - explained, slopes
+
+    def area(self, x: FloatArray) -> tuple[float, FloatArray]:
+        """Return what is left of the bands' area, and its derivatives; in deviations.
+
+        Bands beyond the accepted sizes are not measured: of those at a limit the true size lies
+        beyond.
+        """
+        slopes = np.zeros(x.size)
+        share = self._seen.area
+        if not math.isfinite(share):
+            return 0.0, slopes
+        explained = float(self._by_area @ np.log1p(x[:COUNT])) + USUAL_AREA
+        left = (share - explained) / AREA_SIGMA
+        smallest, largest = (math.log(limit) for limit in WHOLE_AREA)
+        if (share < smallest + AREA_SIGMA and left > 0.0) or (
+            share > largest - AREA_SIGMA and left < 0.0
+        ):
+            return 0.0, slopes
+        slopes[:COUNT] = self._by_area / (AREA_SIGMA * (1.0 + x[:COUNT]))
+        return left, slopes
+
+    def _view(self, x: FloatArray):  # type: ignore[no-untyped-def]
+        true = self._nominal - x[TILT : TILT + 6]
+        a, b, c, px, py, pz = true.tolist()
+        return self._seen.camera.view(CameraPose(tilt=(a, b, c), position=(px, py, pz)))
+
+    def _body(self, x: FloatArray) -> Body:
+        body = self._seen.body
+        r = body.cable_radius / (1.0 + float(x[CABLE]))
+        radius = (body.rho - body.cable_radius) / (1.0 + float(x[CYLINDER]))
+        return body._replace(rho=radius + r, cable_radius=r)
+
+
+def _cuts(rows: FloatArray, cable_radius: float) -> NDArray[np.bool_]:
+    """Return which bands lie beside a turn at -z, and at +z, that may cut them off, shape (2, k)."""
+    near = 2.6 * cable_radius
+    low, high, below, above = rows[:, SLOPE + 1 : SLOPE + 5].T
+    return np.array([(low > -math.pi) | (below < near), (high < math.pi) | (above < near)])
+
+
+def _biases(
+    rows: FloatArray, index: IndexArray, cuts: NDArray[np.bool_]
+) -> tuple[FloatArray, FloatArray]:
+    """Return what each unit of bias adds to the pictures, (k, 2, biases), and its inverse variance."""
+    sine = np.sin(rows[:, AZIMUTH])
+    shapes = (np.ones(sine.size), sine, 2.0 * sine**2 - 1.0)
+    groups = [(np.ones(sine.size), _COMMON)]
+    groups += [((index == i).astype(float), _OF_MARKER) for i in range(index.max() + 1)]
+    groups += [(cut.astype(float), _OF_CUT) for cut in cuts if cut.any()]
+    columns = np.zeros((sine.size, 2, 6 * len(groups)))
+    prior = []
+    for g, (group, sigmas) in enumerate(groups):
+        for s, (shape, both) in enumerate(zip(shapes, sigmas, strict=True)):
+            for axis, sigma in enumerate(both):
+                columns[:, axis, 6 * g + 2 * s + axis] = group * shape
+                prior.append(sigma**-2)
+    return columns, np.array(prior)
+
+
+def _area_slopes(view, body: Body) -> FloatArray:  # type: ignore[no-untyped-def]
+    """Return how the logarithm of a band's area over the expected one goes with the numbers."""
+
+    def area(other: Body) -> float:
+        bands = (Band(azimuth, view.z, 0.0) for azimuth in _AREA_AZIMUTHS.tolist())
+        return float(np.mean([math.log(band_centroid(view, other, band)[2]) for band in bands]))
+
+    r, radius = body.cable_radius, body.rho - body.cable_radius
+    usual = area(body)
+    slopes = np.zeros(COUNT)
+    wider = body._replace(rho=radius * (1.0 + _AREA_STEP) + r)
+    thicker = body._replace(
+        rho=body.rho + _AREA_STEP * r, cable_radius=(1.0 + _AREA_STEP) * r
+    )
+    slopes[CYLINDER] = -(area(wider) - usual) / _AREA_STEP
+    slopes[CABLE] = -(area(thicker) - usual) / _AREA_STEP
+    slopes[FOCAL], slopes[BAND] = -2.0, -1.0
+    # Set too far, the camera stands nearer.
+    slopes[PLACE] = 2.0 / (view.x - body.rho)
+    return slopes

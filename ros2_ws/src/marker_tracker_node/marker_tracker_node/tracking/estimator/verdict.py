@@ -1,0 +1,124 @@
+"""Which configured number the sightings contradict: the prior whose release explains them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.estimator.fit import Fit, fitted
+from marker_tracker_node.tracking.estimator.numbers import COUNT, NUMBERS
+from marker_tracker_node.tracking.estimator.problem import Problem
+
+FloatArray = NDArray[np.float64]
+
+# Releasing a prior must explain so much: of 13 numbers, with biases that are not in the model.
+_LEAST_GAIN = 11.0
+# And the number must be off by so many deviations, its doubt among them.
+_SIGNIFICANT = 2.5
+# What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
+_AS_WELL, _AS_WELL_SHARE = 6.0, 0.03
+# Consistent sightings cost 0.4 to 0.9 each: one that costs more than this is not explained.
+_EXPLAINED = 2.0
+# Then the numbers are named that the fit takes so many doubts from what was configured.
+_FAR = 3.0
+# Numbers whose first step promises less than this share of the best are not tried.
+_PROMISING = 0.3
+_MOST_TRIED = 6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Explanation:
+    """A number that explains the sightings if it is set wrongly."""
+
+    number: int  # Index in `NUMBERS`
+    error: float  # By how much it is set too large
+    sigma: float  # Of the error
+    fit: Fit
+
+    @property
+    def left(self) -> bool:
+        """Whether the error exceeds what is doubted of the number, and is no bound."""
+        known = NUMBERS[self.number]
+        return abs(self.error) > _SIGNIFICANT * math.hypot(known.doubt, self.sigma) and (
+            abs(self.error) < known.most
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Verdict:
+    """What the sightings say of the configured numbers.
+
+    Attributes:
+        wrong: None, one or two; each with what explains it as well.
+        explained: Whether what is wrong explains the sightings.
+    """
+
+    usual: Fit  # With every number as configured
+    wrong: tuple[tuple[Explanation, ...], ...]
+    explained: bool = True
+
+
+def judged(problem: Problem) -> Verdict:
+    """Return which numbers are contradicted, with their alternatives."""
+    usual = fitted(problem, problem.prior, problem.start)
+    first = _explanations(problem, problem.prior, usual)
+    if not first:
+        return Verdict(usual=usual, wrong=())
+    prior = problem.prior.copy()
+    prior[first[0].number] = NUMBERS[first[0].number].most ** -2
+    second = _explanations(problem, prior, first[0].fit)
+    wrong = (first, second) if second else (first,)
+    most = _EXPLAINED * problem.sigma.size
+    if wrong[-1][0].fit.cost > most:
+        far = _furthest(usual)
+        return Verdict(usual=usual, wrong=(far,) if far else (), explained=False)
+    return Verdict(usual=usual, wrong=wrong)
+
+
+def _furthest(usual: Fit) -> tuple[Explanation, ...]:
+    """Return the numbers that a fit takes far from what was configured, the furthest first."""
+    away = [(abs(float(usual.x[k])) / NUMBERS[k].doubt, k) for k in range(COUNT)]
+    return tuple(
+        Explanation(number=k, error=float(usual.x[k]), sigma=math.nan, fit=usual)
+        for size, k in sorted(away, reverse=True)
+        if size > _FAR
+    )
+
+
+def _explanations(problem: Problem, prior: FloatArray, usual: Fit) -> tuple[Explanation, ...]:
+    """Return what explains the sightings significantly better than under a prior, best first."""
+    covariance = np.linalg.inv(usual.normal + np.diag(prior + 1.0e-9))
+    promised = []
+    for number in range(COUNT):
+        wide = NUMBERS[number].most ** -2
+        released = prior[number] - wide
+        if released <= 0.0:
+            continue
+        left = max(1.0 - released * float(covariance[number, number]), 1.0e-9)
+        error = float(usual.x[number]) / left
+        promised.append((released * float(usual.x[number]) * error, number, error))
+    promised.sort(reverse=True)
+    found = []
+    for gain, number, error in promised[:_MOST_TRIED]:
+        if gain < max(_LEAST_GAIN, _PROMISING * promised[0][0]):
+            break
+        wide_prior = prior.copy()
+        wide_prior[number] = NUMBERS[number].most ** -2
+        aim = min(max(error, -NUMBERS[number].most), NUMBERS[number].most)
+        along = covariance[:, number] / covariance[number, number]
+        start = usual.x + along * (aim - usual.x[number])
+        fit = fitted(problem, wide_prior, start)
+        sigma = math.sqrt(
+            float(np.linalg.inv(fit.normal + np.diag(wide_prior + 1.0e-9))[number, number])
+        )
+        found.append(Explanation(number=number, error=float(fit.x[number]), sigma=sigma, fit=fit))
+    found.sort(key=lambda one: one.fit.cost)
+    if not found or usual.cost - found[0].fit.cost < _LEAST_GAIN:
+        return ()
+    most = max(_AS_WELL, _AS_WELL_SHARE * (usual.cost - found[0].fit.cost))
+    return tuple(
+        one for one in found if one.left and one.fit.cost < found[0].fit.cost + most
+    )

@@ -1,0 +1,100 @@
+"""One least squares over a run's sightings names the configured number that they contradict."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from marker_tracker_node.tracking.estimator.contradictions import contradictions
+from marker_tracker_node.tracking.estimator.numbers import NAMES, NUMBERS
+from marker_tracker_node.tracking.estimator.problem import LAP, MARKER, Problem, Seen
+from winding_core.machine.drive import DriveProfile
+from winding_verification.tracker.scenes import World
+from winding_verification.tracker.sightings import quick, sightings
+from winding_verification.tracker.wrong_numbers import WrongNumber
+
+# A run of five markers from rest, and one that was joined at full speed.
+RAMPED = quick(replace(World.drawn(1), rest=0.6))
+EVEN = quick(replace(World.drawn(1), rest=-3.0, drive=DriveProfile(ramp_time=0.0)))
+
+
+def test_derivatives_are_those_of_the_model() -> None:
+    problem = Problem(sightings(RAMPED, (), 5))
+    rng = np.random.default_rng(0)
+    x = problem.start.copy()
+    x[: len(NUMBERS)] = [0.3 * number.doubt * rng.normal() for number in NUMBERS]
+    _, slopes = problem.linearised(x)
+    for k in range(x.size):
+        if k < len(NAMES) and NAMES[k] == "band_width":
+            continue
+        # Short enough that a reading between two samples of the encoder stays between them.
+        step = np.where(np.arange(x.size) == k, 1.0e-6, 0.0)
+        after, before = problem.linearised(x + step)[0], problem.linearised(x - step)[0]
+        slope = (before - after) / 2.0e-6
+        # The centre of a band follows one of its points within a hundredth.
+        scale = np.abs(slope).max()
+        np.testing.assert_allclose(slopes[:, :, k], slope, atol=0.02 * scale + 1.0e-9)
+
+
+@pytest.mark.parametrize(
+    ("number", "size"),
+    [
+        ("encoder_scale", -0.02),
+        ("frame_times", 0.06),
+        ("camera_clock", -0.1),
+        ("camera_distance", 0.025),
+        ("camera_along", 0.02),
+        ("camera_roll", -0.06),
+        ("focal_length", 0.08),
+        ("cylinder_diameter", -0.03),
+        ("cable_diameter", 0.3),
+    ],
+)
+def test_the_wrong_number_is_named_with_its_size(number: str, size: float) -> None:
+    found = contradictions(sightings(RAMPED, (WrongNumber(number=number, size=size),), 7))
+    assert found
+    assert number in found[0].names, found[0].sentence
+    if not math.isnan(found[0].share) and found[0].number == number:
+        assert abs(found[0].share - size) < 4.0 * found[0].sigma
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_right_configuration_contradicts_nothing(seed: int) -> None:
+    assert contradictions(sightings(quick(World.drawn(100 + seed)), (), seed)) == ()
+
+
+def test_at_constant_speed_scale_and_times_are_named_together() -> None:
+    (found,) = contradictions(
+        sightings(EVEN, (WrongNumber(number="encoder_scale", size=0.02),), 3)
+    )
+    assert {"encoder_scale", "frame_times"} <= found.names
+
+
+def test_at_constant_speed_the_clock_is_unobservable_and_not_named() -> None:
+    wrong = WrongNumber(number="camera_clock", size=0.01)
+    assert contradictions(sightings(EVEN, (wrong,), 3)) == ()
+
+
+def test_outliers_neither_raise_nor_hide_a_contradiction() -> None:
+    for size in (0.0, 0.03):
+        wrong = (WrongNumber(number="cylinder_diameter", size=size),)
+        seen = sightings(RAMPED, wrong, 11)
+        seen.rows[::12, 4] += 0.1
+        assert [item.number for item in contradictions(seen)] == ["cylinder_diameter"] * bool(size)
+
+
+@pytest.mark.parametrize("laps", [40, 900])
+def test_the_first_and_the_newest_laps_are_explained_whatever_the_length(laps: int) -> None:
+    one = sightings(RAMPED, (), 1)
+    some = one.rows[one.rows[:, MARKER] == 0][:20]
+    rows = np.vstack([some] * laps)
+    rows[:, LAP] = np.repeat(np.arange(laps), 20)
+    others = {
+        name: getattr(one, name) for name in ("motion", "area", "camera", "used", "nominal", "body")
+    }
+    kept = Seen.of(rows=rows, **others).rows
+    assert len(kept) <= 400
+    assert set(kept[:, LAP]) == {0, 1, *range(laps - 4, laps)}
