@@ -274,11 +274,20 @@ def test_no_offset_no_warning(plain):
     assert max(share for share, _ in plain.published) < SHARE
 
 
-@pytest.mark.parametrize("offset", [0.2, 3600.0])
-def test_beyond_the_limit_frames_are_refused_in_one_sentence(pictures, offset):
-    cell = Cell(pictures, offset=offset, limit=0.1)
+def test_stamps_far_from_all_readings_are_refused_in_one_sentence(pictures):
+    cell = Cell(pictures, offset=3600.0, limit=0.1)
     assert "limit camera_clock_limit 100 ms: frames are refused" in cell.live.clock.refusal
     assert cell.valid == 0
+    report = cell.live.report()
+    assert not report.healthy
+    assert any("frames were refused" in doubt for doubt in report.doubts)
+
+
+def test_no_frame_is_refused_on_an_estimate(pictures):
+    cell = Cell(pictures, offset=0.2, limit=0.1)
+    assert sum(cell.live.tracker.report().rejected.values()) == 0
+    assert "200" in cell.live.clock.warning
+    assert not cell.live.report().healthy
 
 
 @pytest.mark.parametrize("filmed", [True, False])

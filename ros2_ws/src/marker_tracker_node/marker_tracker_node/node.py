@@ -54,18 +54,16 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
     def status(self) -> Status:
         """Return the tracker's own status."""
         handler = self._handler
-        if handler is None or handler.tracker is None or handler.clock is None:
+        report = None if handler is None else handler.report()
+        if handler is None or handler.clock is None or report is None:
             return Status(name=topics.TRACKER, message="no calibrated camera_info yet")
-        report, clock = handler.tracker.report(), handler.clock
+        clock = handler.clock
         against = [
-            *([clock.refusal] if clock.refusal else []),
-            *([clock.warning] if clock.warning else []),
+            *([report.clock_doubt] if report.clock_doubt else []),
             *([handler.pixels.remark] if handler.pixels.remark else []),
             *report.remarks,
             *([report.colour_refusal] if report.colour_refusal else []),
-            *(["the encoder is silent"] if report.encoder_lost else []),
             *(item.sentence for item in report.contradictions),
-            *(f"P{marker} has slipped" for marker in report.slipped),
             *report.doubts,
             *(f"{count} x {fault.value}" for fault, count in report.rejected.items() if count),
         ]

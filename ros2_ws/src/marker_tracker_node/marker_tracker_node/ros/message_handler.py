@@ -16,6 +16,7 @@ from marker_tracker_node.lay.lay_follower import LayFollower
 from marker_tracker_node.ros.parameters import TrackerParameters
 from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.report import TrackerReport
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.run_inputs import RunInputs
@@ -71,6 +72,10 @@ class TrackerHandler:
     def clock(self) -> CameraClock | None:
         """The camera's clock in this run; None before the first calibration."""
         return self._live.clock
+
+    def report(self) -> TrackerReport | None:
+        """Return what is reported of this run; None before the first calibration."""
+        return self._live.report()
 
     @property
     def lost_turns(self) -> int:

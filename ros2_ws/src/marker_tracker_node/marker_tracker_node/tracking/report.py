@@ -7,6 +7,9 @@ from enum import Enum
 
 from marker_tracker_node.tracking.checks.contradiction import Contradiction
 
+# Single frames that come twice or late spoil nothing: share of frames that may be refused.
+_MOST_REFUSED = 0.01
+
 
 class FrameFault(Enum):
     """Why a frame was not used."""
@@ -43,18 +46,25 @@ class TrackerReport:
     contradictions: tuple[Contradiction, ...]  # Configured numbers that the pictures speak against
     missing: tuple[int, ...] = ()  # Numbers of the markers that should have been found long ago
     guide_doubt: str = ""  # What is wrong with the guide's readings; empty if nothing
+    clock_doubt: str = ""  # What is wrong with the camera's clock; empty if nothing
 
     @property
     def doubts(self) -> tuple[str, ...]:
-        """What contradicts the lay that is expected, in sentences."""
-        lost = (f"P{n} was not found where it should lie" for n in self.missing)
-        return (*((self.guide_doubt,) if self.guide_doubt else ()), *lost)
+        """What contradicts the run that is expected, in sentences."""
+        refused = sum(self.rejected.values())
+        doubts = (
+            self.guide_doubt,
+            *(f"P{n} was not found where it should lie" for n in self.missing),
+            *(f"P{n} has slipped" for n in self.slipped),
+            "the encoder is silent" if self.encoder_lost else "",
+            f"{refused} of {refused + self.frames} frames were refused"
+            if refused > _MOST_REFUSED * self.frames
+            else "",
+        )
+        return tuple(filter(None, doubts))
 
     @property
     def healthy(self) -> bool:
         """Whether nothing is wrong at the moment."""
-        against = (
-            *(self.encoder_lost, self.colour_refusal, self.slipped),
-            *(self.contradictions, self.doubts),
-        )
+        against = (self.colour_refusal, self.clock_doubt, self.contradictions, self.doubts)
         return not any(against) and self.known > 0

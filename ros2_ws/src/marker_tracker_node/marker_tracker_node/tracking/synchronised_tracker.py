@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
-from marker_tracker_node.tracking.report import FrameFault
+from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers
@@ -176,6 +176,13 @@ class SynchronisedTracker:
             if self._beside is not None and len(markers):
                 self._beside(pair, self.tracker)
             yield pair.t, markers
+
+    def report(self) -> TrackerReport | None:
+        """Return the tracker's report with what is wrong with the clock; None before `start`."""
+        if self.tracker is None or self.clock is None:
+            return None
+        clock = "; ".join(filter(None, (self.clock.refusal, self.clock.warning)))
+        return replace(self.tracker.report(), clock_doubt=clock)
 
     def _measure(self, tracker: Tracker, clock: CameraClock, pair: PairedFrame) -> Markers:
         clock.stray(pair.astray)

@@ -143,8 +143,10 @@ def track(
     with busy("refining the camera's pose"):
         fit, unrefined = _refined(tracker, lens, belief) if refined else (None, "")
     estimates = tracker.estimates()
+    report = live.report()
+    assert report is not None
     result = TrackedRecording(
-        report=tracker.report(),
+        report=report,
         means={name: estimates[name] for name in COLUMNS},
         radius=tracker.config.centreline_radius,
         fit=fit,
@@ -157,7 +159,6 @@ def track(
         result_console().print(item, soft_wrap=isinstance(item, str))
     if json_file is not None:
         write_json(json_file, result.record())
-    report = tracker.report()
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
 
@@ -262,6 +263,7 @@ class TrackedRecording:
                     "number": item.number,
                     "share": known(item.share),
                     "sigma": known(item.sigma),
+                    "alternatives": list(item.alternatives),
                     "sentence": item.sentence,
                 }
                 for item in report.contradictions

@@ -94,7 +94,7 @@ def outcome(world: World, frames: list[ByteArray], seed: int, wrong: WrongNumber
             pass
         if live.clock is not None and len(live.history) % 50 == 0:
             tracker.report()
-    report = tracker.report()
+    report = live.report() if hasattr(live, "report") else tracker.report()
     spent = time.process_time() - began
     clock = live.clock
     said = [] if clock is None else [clock.refusal, clock.warning]

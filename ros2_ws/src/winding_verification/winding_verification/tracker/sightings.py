@@ -18,7 +18,7 @@ _USABLE = 1.08
 
 
 def sightings(
-    world: World, wrong: tuple[WrongNumber, ...], seed: int, *, noise: float = 0.1
+    world: World, wrong: tuple[WrongNumber, ...], seed: int, *, noise: float = 0.07
 ) -> Seen:
     """Return what a tracker with wrong numbers sees of a run, outliers and gaps in it.
 
@@ -57,11 +57,11 @@ def sightings(
             a += mask[0] + mask[1] * math.sin(azimuth) + scatter * pixel * rng.normal()
             b += mask[2] + mask[3] * math.sin(azimuth) + scatter * pixel * rng.normal()
             start = Band(azimuth, height[n], slope)
-            found, z = solve_band(view, config.body, a * focal, b * focal, start)
+            found, z = solve_band(view, config.body, a / focal, b / focal, start)
             if math.isnan(found):
                 continue
             expected = band_centroid(view, config.body, start._replace(azimuth=found, z=z))[2]
-            share = focal**2 * area / expected
+            share = area / expected / focal**2
             lap = round(found / (2.0 * math.pi))
             beside = (slope, -math.pi, math.pi, math.inf, math.inf)
             rows.append(

@@ -22,7 +22,7 @@ from marker_tracker_node.tracking.state import Setup, TrackerState
 FloatArray = NDArray[np.float64]
 
 # With fewer sightings nothing is estimated; it is again with so many times as many.
-_LEAST_ROWS, _MORE = 20, 1.25
+_LEAST_ROWS, _MORE = 12, 1.25
 # Numbers that say when a band comes back.
 _TURNING = frozenset({"encoder_scale", "frame_times"})
 # A marker that comes back in fewer frames than this share has not come back.

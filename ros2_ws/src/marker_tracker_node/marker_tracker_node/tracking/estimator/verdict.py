@@ -20,12 +20,12 @@ _LEAST_GAIN = 11.0
 _SIGNIFICANT = 2.5
 # What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
 _AS_WELL, _AS_WELL_SHARE = 6.0, 0.03
-# Consistent sightings cost 0.4 to 0.9 each: one that costs more than this is not explained.
-_EXPLAINED = 2.0
+# A consistent sighting of two coordinates costs 2 at most: so much is not explained.
+_EXPLAINED = 3.0
 # Then the numbers are named that the fit takes so many doubts from what was configured.
 _FAR = 3.0
 # Numbers whose first step promises less than this share of the best are not tried.
-_PROMISING = 0.3
+_PROMISING = 0.1
 _MOST_TRIED = 6
 
 
@@ -65,14 +65,14 @@ def judged(problem: Problem) -> Verdict:
     """Return which numbers are contradicted, with their alternatives."""
     usual = fitted(problem, problem.prior, problem.start)
     first = _explanations(problem, problem.prior, usual)
-    if not first:
-        return Verdict(usual=usual, wrong=())
-    prior = problem.prior.copy()
-    prior[first[0].number] = NUMBERS[first[0].number].most ** -2
-    second = _explanations(problem, prior, first[0].fit)
-    wrong = (first, second) if second else (first,)
-    most = _EXPLAINED * problem.sigma.size
-    if wrong[-1][0].fit.cost > most:
+    wrong = (first,) if first else ()
+    if first:
+        prior = problem.prior.copy()
+        prior[first[0].number] = NUMBERS[first[0].number].most ** -2
+        second = _explanations(problem, prior, first[0].fit)
+        wrong = (first, second) if second else wrong
+    best = wrong[-1][0].fit if wrong else usual
+    if best.cost > _EXPLAINED * problem.sigma.size:
         far = _furthest(usual)
         return Verdict(usual=usual, wrong=(far,) if far else (), explained=False)
     return Verdict(usual=usual, wrong=wrong)
