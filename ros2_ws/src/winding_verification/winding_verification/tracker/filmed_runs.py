@@ -53,7 +53,7 @@ class Outcome:
     @property
     def corrected(self) -> bool:
         """Whether nothing is named, and nothing published is wrong."""
-        return not self.named and self.far < _FAR
+        return not self.named and self.known > 1 and self.far < _FAR
 
     @property
     def kind(self) -> str:

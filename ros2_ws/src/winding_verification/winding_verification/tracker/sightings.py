@@ -68,8 +68,7 @@ def sightings(
                 (n, lap, stamp, reported, found - 2.0 * math.pi * lap, z, *beside, share)
             )
     table = np.array(rows)
-    width = math.prod(1.0 + one.size for one in wrong if one.number == "band_width")
-    area = float(np.log(np.median(table[:, -1]) / width)) + rng.normal(-0.03, 0.015)
+    area = float(np.log(np.median(table[:, -1]))) + rng.normal(-0.03, 0.015)
     return Seen.of(
         rows=table[:, :-1],
         motion=np.array(motion),
