@@ -13,7 +13,7 @@ import pytest
 from marker_film import DRIVE, FilmMaker, encoder, pinhole
 
 from marker_tracker_node import Tracker
-from marker_tracker_node.tracking.checks.contradiction import Contradiction
+from marker_tracker_node.tracking.estimator.contradictions import Contradiction
 from winding_core.cable.cases import paper_case
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise
 

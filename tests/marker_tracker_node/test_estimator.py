@@ -68,9 +68,7 @@ def test_a_right_configuration_contradicts_nothing(seed: int) -> None:
 
 
 def test_at_constant_speed_scale_and_times_are_named_together() -> None:
-    (found,) = contradictions(
-        sightings(EVEN, (WrongNumber(number="encoder_scale", size=0.02),), 3)
-    )
+    (found,) = contradictions(sightings(EVEN, (WrongNumber(number="encoder_scale", size=0.02),), 3))
     assert {"encoder_scale", "frame_times"} <= found.names
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
-from marker_tracker_node.tracking.checks.contradiction import Contradiction
+from marker_tracker_node.tracking.estimator.contradictions import Contradiction
 
 # Single frames that come twice or late spoil nothing: share of frames that may be refused.
 _MOST_REFUSED = 0.01

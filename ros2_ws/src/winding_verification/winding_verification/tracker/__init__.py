@@ -1,1 +1,1 @@
-"""What the tracker finds when a number of its configuration is wrong, on runs whose truth is known."""
+"""What does the tracker find when a configured number is wrong? Runs whose truth is known."""

@@ -68,9 +68,7 @@ class Outcome:
 def outcome(world: World, frames: list[ByteArray], seed: int, wrong: WrongNumber) -> Outcome:
     """Return what the tracker makes of a film with a wrong number."""
     tracker = Tracker(wrong.config(world.config()), world.pinhole(wrong.focal))
-    live = SynchronisedTracker(
-        ClockSettings(), EncoderHistory(longest_gap=math.inf, complete=True)
-    )
+    live = SynchronisedTracker(ClockSettings(), EncoderHistory(longest_gap=math.inf, complete=True))
     live.start(tracker)
     sampled = iter(np.arange(0.0, world.duration * 1.1 + 0.6, 1.0 / _RATE).tolist())
     began = time.process_time()

@@ -1,4 +1,4 @@
-"""Sightings as a tracker would have made them, drawn from the measurement model without pictures."""
+"""Sightings as a tracker would have made them, drawn from the model without pictures."""
 
 from __future__ import annotations
 
@@ -34,8 +34,10 @@ def sightings(
         config, focal = one.config(config), focal * one.focal
         readings *= one.reading(1.0)
         stamps = (stamps[0] * (one.stamp(1.0) - one.stamp(0.0)), stamps[1] + one.stamp(0.0))
-    camera, body, pose = world.pinhole(focal), world.config().body, CameraPose(
-        position=world.camera.position
+    camera, body, pose = (
+        world.pinhole(focal),
+        world.config().body,
+        CameraPose(position=world.camera.position),
     )
     true, view = world.pinhole().view(pose), camera.view(config.pose)
     pixel = camera.binning / camera.k[0, 0]
@@ -64,9 +66,7 @@ def sightings(
             share = area / expected / focal**2
             lap = round(found / (2.0 * math.pi))
             beside = (slope, -math.pi, math.pi, math.inf, math.inf)
-            rows.append(
-                (n, lap, stamp, reported, found - 2.0 * math.pi * lap, z, *beside, share)
-            )
+            rows.append((n, lap, stamp, reported, found - 2.0 * math.pi * lap, z, *beside, share))
     table = np.array(rows)
     area = float(np.log(np.median(table[:, -1]))) + rng.normal(-0.03, 0.015)
     return Seen.of(

@@ -26,18 +26,12 @@ from winding_core.units import MILLISECOND
 
 FloatArray = NDArray[np.float64]
 
-# Sightings kept of each band, no closer than this in angle or time [rad, s].
-ROWS, REST = 256, -1
+# Sightings kept of each band, no closer than this in angle or time [rad, s]; a band that stands
+# shows the same pixels, with the same bias, and is kept less often [s].
+ROWS = 256
 SPACING_ANGLE = 4.0e-3
-SPACING_TIME = 0.02
-# A band that stood while the cylinder stood gives a_n alone. Its mean counts as few sightings: all
-# of them show the same pixels, with the same bias.
-REST_WEIGHT = 5.0
+SPACING_TIME, SPACING_REST = 0.02, 0.1
 REST_ANGLE = 1.0e-3
-# No sighting moves that mean further than this one would [rad].
-REST_STEP = 3.0e-3
-# With a known offset it stood if it did so for this long before and after [s].
-SETTLED = 0.05
 # An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
 DRIFT = 1.0e-4
 # Offsets are sought this far beyond the limit [s], on a grid [s], while they are not known so well.
@@ -91,9 +85,8 @@ class ClockEstimate:
 class ClockOffset:
     """Refines the offset with every band that is seen.
 
-    Memory does not grow: standing is kept as one mean for each band, motion as its last
-    sightings. A later estimate that knows much less, after a long pause for instance, does not
-    replace an earlier one.
+    Memory does not grow: the last sightings of each band are kept. A later estimate that knows much
+    less, after a long pause for instance, does not replace an earlier one.
 
     Attributes:
         estimate: The offset so far.
@@ -110,8 +103,7 @@ class ClockOffset:
         self.estimate = ClockEstimate()
         self._history = history
         self._reach = limit + BEYOND
-        # The last place of a band is its mean over standing: speed 0, for `_count` sightings.
-        shape = (bands, ROWS + 1)
+        shape = (bands, ROWS)
         self._t = np.full(shape, np.nan)
         self._azimuth = np.full(shape, np.nan)
         # Reading and speed at the stamp less `at`; nan before the encoder has come so far.
@@ -119,8 +111,6 @@ class ClockOffset:
         self._speed = np.zeros(shape)
         self._at = np.full(shape, np.nan)
         self._count = np.ones(shape)
-        self._count[:, REST] = 0.0
-        self._stood = np.zeros(bands)  # Angle at which that was
         self._place = np.zeros(bands, dtype=int)
         self._frames = 0
         self._best, self._best_at = math.inf, 0.0
@@ -137,42 +127,26 @@ class ClockOffset:
         for n in np.flatnonzero(np.isfinite(azimuths)):
             self._store(int(n), t, float(azimuths[n]))
         self._frames += 1
-        if not self.estimate.known or self._frames % REFINED_EVERY == 0:
-            self._settle()
-            if self._moving():
-                self._refine()
+        due = not self.estimate.known or self._frames % REFINED_EVERY == 0
+        if due and self._moving():
+            self._refine()
 
     def _store(self, n: int, t: float, azimuth: float) -> None:
         place = self._place[n]
         last = (place - 1) % ROWS
-        if (
-            abs(t - self._t[n, last]) < SPACING_TIME
-            and abs(azimuth - self._azimuth[n, last]) < SPACING_ANGLE
-        ):
+        passed = abs(t - self._t[n, last])
+        turned = abs(azimuth - self._azimuth[n, last])
+        if turned < SPACING_ANGLE and passed < (SPACING_REST if self._stands() else SPACING_TIME):
             return
         self._t[n, place], self._azimuth[n, place], self._at[n, place] = t, azimuth, np.nan
         self._count[n, place] = max(math.cos(azimuth), 0.0) ** FACING
         self._place[n] = (place + 1) % ROWS
 
-    def _settle(self) -> None:
-        """Move sightings of a cylinder that certainly stood into the means."""
-        known = self.estimate.known
-        middle = self._t - self.estimate.offset if known else self._t
-        half = SETTLED if known else self._reach
-        early, late = middle - half, middle + half
-        decided = (late <= self._history.newest) & (early >= self._history.oldest)
-        turned = self._history.angles(late) - self._history.angles(early)
-        angles = self._history.angles(middle)
-        residual = self._azimuth - angles
-        for n, row in zip(*np.nonzero(decided & (np.abs(turned) < REST_ANGLE)), strict=True):
-            count = self._count[n, REST] = min(self._count[n, REST] + 1.0, REST_WEIGHT)
-            if count == 1.0:
-                self._azimuth[n, REST] = np.nanmedian(residual[n, :REST])
-            mean = self._azimuth[n, REST]
-            step = min(max(residual[n, row] - mean, -REST_STEP), REST_STEP)
-            self._azimuth[n, REST] = mean + step / count
-            self._at[n, REST], self._stood[n] = 0.0, angles[n, row]
-            self._t[n, row] = self._azimuth[n, row] = self._at[n, row] = np.nan
+    def _stands(self) -> bool:
+        """Return whether the cylinder has not turned for as long as a clock may be off."""
+        now = self._history.newest
+        before, then = self._history.angles(np.array([now - self._reach, now]))
+        return bool(abs(then - before) < REST_ANGLE)
 
     def _moving(self) -> bool:
         """Return whether the cylinder turned since the oldest sighting that has not settled."""
@@ -210,8 +184,7 @@ class ClockOffset:
         residual = np.where(
             covered, self._azimuth[0, rows] - self._history.angles(instants), np.nan
         )
-        stood = self._count[0, REST] > 0.0
-        middle = self._azimuth[0, REST] if stood else np.nanmedian(residual, axis=1)[:, None]
+        middle = np.nanmedian(residual, axis=1)[:, None]
         cost = np.nanmean(np.abs(residual - middle), axis=1)
         cost += PREFERENCE * np.abs(grid) / self._reach
         return float(grid[int(np.argmin(cost))])
@@ -229,7 +202,7 @@ class ClockOffset:
 
         Args:
             offset: About which residuals are linear [s].
-            robust: Weights of the sightings, shape (bands, ROWS + 1).
+            robust: Weights of the sightings, shape (bands, ROWS).
         """
         seen = np.isfinite(self._at)
         weight = np.where(seen, robust * self._count, 0.0)
@@ -246,7 +219,6 @@ class ClockOffset:
         rates = np.where(weight > LEAST_WEIGHT, speed, mean_speed[:, None])
         span = float(np.ptp(rates, axis=1).max())
         angle = np.where(seen, self._angle, 0.0)
-        angle[:, REST] = self._stood
         speed -= mean_speed[:, None]
         residual -= mean_residual[:, None]
         angle -= mean(angle)[:, None]

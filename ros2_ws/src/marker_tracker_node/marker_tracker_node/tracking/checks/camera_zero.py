@@ -13,6 +13,9 @@ from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.estimator.fit import fitted
+from marker_tracker_node.tracking.estimator.numbers import COUNT, TILT, ZERO
+from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.p0_search import NEAR_START, locate_marker
 from marker_tracker_node.tracking.state import Burst, Setup
 
@@ -38,10 +41,9 @@ NEWTON_STEPS = 6
 SMALL_TURN = 1.0e-6
 # A single frame cannot improve a pose that explains it this well.
 TRUSTED_PIXELS = 0.5
-# Of a pass: scatter of a centroid on the plane with what frames have in common, and what is
-# believed before it of both turns and of the encoder's zero, clocks included [rad].
-SCATTER = 2.0e-4
-BELIEFS = np.array([0.02, 0.02, 0.1])
+# Of a pass: what is believed before it of both turns and of the encoder's zero, clocks included
+# [rad], and the inverse variance of every other number, which is taken as it is configured.
+BELIEFS, HELD = np.array([0.02, 0.02, 0.1]), 1.0e12
 
 
 class CameraZero:
@@ -217,27 +219,24 @@ def pass_turn(
     Returns:
         Turn [rad] and one standard deviation, each of shape (2,).
     """
-    with_used = camera.view(used)
-    goal = np.array([band_centroid(with_used, body, Band(*row[2:]))[:2] for row in rows])
-
-    def residuals(x: FloatArray) -> FloatArray:
-        view = camera.view(tilted(nominal, x))
-        seen = [band_centroid(view, body, Band(row[1] + x[2], 0.0, *row[4:]))[:2] for row in rows]
-        return np.concatenate([(np.array(seen) - goal).ravel() / SCATTER, x / BELIEFS])
-
-    x = np.zeros(3)
-    slope = np.eye(3)
-    for _ in range(NEWTON_STEPS):
-        off = residuals(x)
-        slope = np.column_stack(
-            [(residuals(x + step) - off) / SMALL_TURN for step in SMALL_TURN * np.eye(3)]
+    count = len(rows)
+    problem = Problem(
+        Seen(
+            rows=np.column_stack([np.zeros((count, 2)), rows, np.full((count, 2), math.inf)]),
+            motion=rows[:, :2],
+            area=math.nan,
+            camera=camera,
+            used=used,
+            nominal=nominal,
+            body=body,
         )
-        # Half hidden bands appear beside their place.
-        weight = 1.0 / np.sqrt(1.0 + off**2)
-        slope, off = slope * weight[:, None], off * weight
-        x = x - np.linalg.lstsq(slope, off, rcond=None)[0]
-    sigma = np.sqrt(np.diag(np.linalg.inv(slope.T @ slope)))
-    return x[:2], sigma[:2]
+    )
+    free = [TILT, TILT + 1, ZERO]
+    problem.prior[:COUNT] = HELD
+    problem.prior[free] = BELIEFS**-2
+    fit = fitted(problem, problem.prior, problem.start)
+    spread = np.linalg.inv(fit.normal + np.diag(problem.prior))
+    return -fit.x[free[:2]], np.sqrt(np.diag(spread)[free[:2]])
 
 
 def tilted(pose: CameraPose, turn: FloatArray) -> CameraPose:

@@ -13,8 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.checks.contradiction import Contradiction
-from marker_tracker_node.tracking.estimator.contradictions import contradictions
+from marker_tracker_node.tracking.estimator.contradictions import Contradiction, contradictions
 from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, USUAL_AREA, Seen
 from marker_tracker_node.tracking.evidence import RunEvidence, SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
@@ -66,7 +65,7 @@ def _of_numbers(
     """Judge the numbers that say where bands appear, and what is left of them unexplained."""
     wrong = contradictions(seen()) if len(run.log.sightings) >= _LEAST_ROWS else ()
     if any(item.names & _TURNING for item in wrong):
-        # Where bands lie, and that they are not found, shows nothing while their turns are in doubt.
+        # Where bands lie and which are lost shows nothing while their turns are in doubt.
         return wrong
     marks = state.marks
     known = np.flatnonzero(marks.known)
@@ -90,7 +89,6 @@ def _of_light(log: SightingLog, area: FloatArray) -> Contradiction | None:
     return Contradiction(
         number="light",
         share=now / before - 1.0,
-        sigma=math.nan,
         sentence=(
             f"the picture has become darker, from {before:.0f} to {now:.0f} grey levels: markers "
             f"are found in {found:.0%} of the frames that have them in sight"
@@ -108,8 +106,6 @@ def _of_colour(log: SightingLog) -> Contradiction | None:
         return None
     return Contradiction(
         number="marker_colour",
-        share=math.nan,
-        sigma=math.nan,
         sentence=(
             f"markers are found in {found:.0%} of the frames that have them in sight, and the "
             "light is as it was: their colour has changed, or something covers them"
@@ -143,8 +139,6 @@ def _of_spacing(
         pairs = ", ".join(f"P{n}" for n in between)
         return Contradiction(
             number="marker_spacing",
-            share=math.nan,
-            sigma=math.nan,
             sentence=f"the marker spacing is set too large: another band lies after {pairs}",
         )
     skipped = math.gcd(*known) if known else 1
@@ -154,7 +148,6 @@ def _of_spacing(
         return Contradiction(
             number="marker_spacing",
             share=1.0 / skipped - 1.0,
-            sigma=math.nan,
             sentence=(
                 f"the marker spacing is set {skipped} times too small: bands are where {seen} are "
                 f"expected and none between them{missed}"
@@ -166,7 +159,6 @@ def _of_spacing(
     return Contradiction(
         number="marker_spacing",
         share=1.0 / ratio - 1.0,
-        sigma=math.nan,
         sentence=(
             f"the marker spacing is set too {'small' if ratio > 1.0 else 'large'}: bands lie "
             f"{ratio:.2f} times as far apart as it and the cable's stretch give"

@@ -1,35 +1,55 @@
-"""The estimator's verdict in words."""
+"""The estimator's verdict: configured numbers that the pictures speak against, in words."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
-from marker_tracker_node.tracking.checks.contradiction import Contradiction
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
-from marker_tracker_node.tracking.estimator.problem import Problem, Seen
+from marker_tracker_node.tracking.estimator.problem import MARKER, Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import Explanation, judged
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contradiction:
+    """A configured number that the pictures speak against.
+
+    Attributes:
+        number: Its name: one of `numbers`, marker_spacing, marker_colour or light.
+        share: By how much it is set too large, relative; nan where that is not known.
+        sigma: Standard error of the share; nan where it is not known.
+        alternatives: Names of the numbers that explain the pictures as well.
+    """
+
+    number: str
+    sentence: str  # In words
+    share: float = math.nan
+    sigma: float = math.nan
+    alternatives: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The number and its alternatives."""
+        return frozenset({self.number, *self.alternatives})
 
 
 def contradictions(seen: Seen) -> tuple[Contradiction, ...]:
     """Return which configured numbers the sightings contradict; empty for a consistent run."""
-    if not len(seen.rows) or seen.rows[:, 0].min() > 0:
+    if not (seen.rows[:, MARKER] == 0).any():
         return ()
     verdict = judged(Problem(seen))
     return tuple(_contradiction(group, verdict.explained) for group in verdict.wrong)
 
 
 def _contradiction(group: tuple[Explanation, ...], explained: bool) -> Contradiction:
-    best, *others = group
-    number = NUMBERS[best.number]
-    known = (best.error, best.sigma) if number.relative and explained else (math.nan, math.nan)
-    words = [NUMBERS[one.number].sentence(one.error) for one in group]
-    sentence = ", or ".join(words)
-    if not explained:
-        sentence = f"no single number explains the bands; together with others {', '.join(words)}"
+    best = group[0]
+    names = [NUMBERS[one.number].name for one in group]
+    sentence = ", or ".join(NUMBERS[one.number].sentence(one.error) for one in group)
+    relative = not NUMBERS[best.number].unit and explained
     return Contradiction(
-        number=number.name,
-        share=known[0],
-        sigma=known[1],
-        sentence=sentence,
-        alternatives=tuple(NUMBERS[one.number].name for one in others),
+        number=names[0],
+        sentence=sentence if explained else f"no number explains the bands alone: {sentence}",
+        share=best.error if relative else math.nan,
+        sigma=best.sigma if relative else math.nan,
+        alternatives=tuple(names[1:]),
     )

@@ -26,6 +26,7 @@ class Fit:
     cost: float  # Twice the negative logarithm of their likelihood, with the prior
     normal: FloatArray  # Information on them without the prior, shape (unknowns, unknowns)
     gradient: FloatArray  # Of the sightings at x, shape (unknowns,)
+    typical: float  # Median square of what is left of a sighting, in its variance
 
 
 def fitted(problem: Problem, prior: FloatArray, start: FloatArray) -> Fit:
@@ -67,4 +68,5 @@ def _at(problem: Problem, prior: FloatArray, x: FloatArray) -> Fit:
         cost=cost + area**2 + float(prior @ x**2),
         normal=flat.T @ weighted + np.outer(by_area, by_area),
         gradient=weighted.T @ off.ravel() + area * by_area,
+        typical=float(np.median(square)),
     )

@@ -2,95 +2,47 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from winding_core.units import MILLIMETRE, MILLIRADIAN, MILLISECOND
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, kw_only=True)
-class Number:
-    """A configured number.
-
-    Attributes:
-        doubt: One standard deviation of what is configured, in its unit.
-        most: Largest error that is believed; an estimate there is unknown.
-        unit: Of doubt and error: 1 for a relative one, or an SI unit as a number.
-        symbol: Of the unit in sentences.
-    """
+class Number(NamedTuple):
+    """A configured number."""
 
     name: str
-    doubt: float
-    most: float
+    doubt: float  # One standard deviation of what is configured, relative or in SI
+    most: float  # Largest error that is believed; an estimate there is unknown
     words: str  # What it is in sentences
-    unit: float = 1.0
-    symbol: str = ""
-
-    @property
-    def relative(self) -> bool:
-        """Whether errors are shares."""
-        return not self.symbol
+    unit: str = ""  # Of which a thousandth is printed; empty for relative errors
 
     def sentence(self, error: float) -> str:
-        """Return by how much the number is wrong, in words.
-
-        Args:
-            error: What is set too large, relative or in SI.
-        """
-        way = "large" if error > 0.0 else "small"
-        if self.relative:
-            return f"{self.words} {abs(error):.1%} too {way}"
-        if self.name == "camera_clock":
-            way = "ahead of" if error > 0.0 else "behind"
-            return f"{self.words} {abs(error) / self.unit:.0f} {self.symbol} {way} the encoder's"
-        return f"{self.words} wrong by {error / self.unit:+.1f} {self.symbol}"
+        """Return by how much the number is wrong, set too large by an error, in words."""
+        if not self.unit:
+            return f"{self.words} {abs(error):.1%} too {'large' if error > 0.0 else 'small'}"
+        return f"{self.words} {1.0e3 * error:+.1f} m{self.unit}"
 
 
-# Scales of encoder and times: no wheel slips that is right, clocks keep 0.1 %. Pose: a bracket set
-# by tape measure and spirit level, as `PoseBelief`. Focal length: six views of a board give 0.1 %,
-# see docs/vision.md. Diameters: a caliper; a cable flattens and its jacket varies. Bands: painted
-# by hand.
+# Scales of encoder and times: no gear slips, clocks keep far better time. Clock: a frame at 200
+# frames/s. Pose: a bracket set by steel rule, tape measure and spirit level, see `PoseBelief`.
+# Focal length: six views of a board, see docs/vision.md. Diameters: a caliper; a cable flattens,
+# its jacket varies. Bands are painted by hand.
 NUMBERS = (
-    Number(name="encoder_scale", doubt=5.0e-4, most=0.3, words="the encoder's angles are"),
-    Number(name="frame_times", doubt=5.0e-4, most=0.3, words="the times of the frames are"),
-    Number(
-        name="camera_clock", doubt=5.0e-3, most=0.5, words="the camera's clock is",
-        unit=MILLISECOND, symbol="ms",
-    ),
-    Number(
-        name="encoder_zero", doubt=0.02, most=0.5, words="the encoder's zero is",
-        unit=MILLIRADIAN, symbol="mrad",
-    ),
-    Number(
-        name="camera_tilt_x", doubt=0.01, most=0.3, words="the camera's tilt about x is",
-        unit=MILLIRADIAN, symbol="mrad",
-    ),
-    Number(
-        name="camera_tilt_y", doubt=0.01, most=0.3, words="the camera's tilt about y is",
-        unit=MILLIRADIAN, symbol="mrad",
-    ),
-    Number(
-        name="camera_roll", doubt=0.005, most=0.3, words="the camera's roll is",
-        unit=MILLIRADIAN, symbol="mrad",
-    ),
-    Number(
-        name="camera_distance", doubt=7.0e-4, most=0.1, words="the camera's distance is",
-        unit=MILLIMETRE, symbol="mm",
-    ),
-    Number(
-        name="camera_height", doubt=2.0e-3, most=0.1, words="the camera's height is",
-        unit=MILLIMETRE, symbol="mm",
-    ),
-    Number(
-        name="camera_along", doubt=2.0e-3, most=0.1, words="the camera's place along the axis is",
-        unit=MILLIMETRE, symbol="mm",
-    ),
-    Number(name="focal_length", doubt=1.0e-3, most=0.3, words="the focal length is set"),
-    Number(name="cylinder_diameter", doubt=1.0e-3, most=0.3, words="the cylinder diameter is set"),
-    Number(name="cable_diameter", doubt=0.01, most=0.5, words="the cable diameter is set"),
-    Number(name="band_width", doubt=0.04, most=0.6, words="the band width is set"),
-)  # fmt: skip
+    Number("encoder_scale", 5.0e-4, 0.3, "the encoder's angles are"),
+    Number("frame_times", 5.0e-4, 0.3, "the times of the frames are"),
+    Number("camera_clock", 5.0e-3, 0.5, "the camera's clock is ahead of the encoder's by", "s"),
+    Number("encoder_zero", 0.02, 0.5, "the encoder's zero is wrong by", "rad"),
+    Number("camera_tilt_x", 0.01, 0.3, "the camera's tilt about x is wrong by", "rad"),
+    Number("camera_tilt_y", 0.01, 0.3, "the camera's tilt about y is wrong by", "rad"),
+    Number("camera_roll", 5.0e-3, 0.3, "the camera's roll is wrong by", "rad"),
+    Number("camera_distance", 7.0e-4, 0.1, "the camera's distance is wrong by", "m"),
+    Number("camera_height", 2.0e-3, 0.1, "the camera's height is wrong by", "m"),
+    Number("camera_along", 2.0e-3, 0.1, "the camera's place along the axis is wrong by", "m"),
+    Number("focal_length", 1.0e-3, 0.3, "the focal length is set"),
+    Number("cylinder_diameter", 1.0e-3, 0.3, "the cylinder diameter is set"),
+    Number("cable_diameter", 0.01, 0.5, "the cable diameter is set"),
+    Number("band_width", 0.04, 0.6, "the band width is set"),
+)
 NAMES = tuple(number.name for number in NUMBERS)
-SCALE, TIMES, CLOCK, ZERO = range(4)
-TILT, PLACE = 4, 7
-FOCAL, CYLINDER, CABLE, BAND = range(10, 14)
 COUNT = len(NUMBERS)
+SCALE, TIMES, CLOCK, ZERO, TILT = range(5)
+PLACE = TILT + 3
+FOCAL, CYLINDER, CABLE, BAND = range(PLACE + 3, COUNT)

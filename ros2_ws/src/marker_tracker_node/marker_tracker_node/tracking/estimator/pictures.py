@@ -46,9 +46,7 @@ def band_pictures(
     out = np.empty((bands.shape[0], _WIDTH))
     r, radius = body.cable_radius, body.rho - body.cable_radius
     wider = Body(body.rho + _STEP * radius, r, body.half_band, body.half_around)
-    thicker = Body(
-        body.rho + _STEP * r, r * (1.0 + _STEP), body.half_band, body.half_around
-    )
+    thicker = Body(body.rho + _STEP * r, r * (1.0 + _STEP), body.half_band, body.half_around)
     for k in range(bands.shape[0]):
         row = bands[k]
         band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])

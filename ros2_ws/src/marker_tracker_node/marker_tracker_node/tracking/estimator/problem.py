@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCamera
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.estimator import pictures
@@ -35,9 +35,10 @@ from marker_tracker_node.tracking.estimator.numbers import (
     TIMES,
     ZERO,
 )
+from marker_tracker_node.tracking.refinement import CUT_SCATTER, bias_shapes, cut_off
+from marker_tracker_node.tracking.sightings import Sightings
 
 FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 # Columns of sightings.
 MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, SLOPE = range(7)
@@ -49,14 +50,8 @@ _FIRST_LAPS, _NEWEST_LAPS, _MOST_ROWS = 2, 4, 400
 _FACING = 0.5
 _AREA_STEP = 0.01
 _AREA_AZIMUTHS = np.linspace(-0.9, 0.9, 7)
-# One standard deviation [px] along the cylinder and across it of a constant, of what goes with the
-# sine of the azimuth, and with twice its square less one, of all bands in common, of one marker
-# beside that, and of bands cut off at either side: see `refinement`.
-_COMMON = ((0.1, 0.05), (0.06, 0.12), (0.06, 0.06))
-_OF_MARKER = ((0.05, 0.05), (0.05, 0.05), (0.05, 0.05))
-_OF_CUT = ((0.3, 0.1), (0.2, 0.1), (0.2, 0.1))
-# Least scatter of a sighting with what its neighbours share, and what a cut adds to it [px].
-_SCATTER, _CUT_SCATTER = 0.1, 0.25
+# Least scatter of a sighting with what its neighbours share [px].
+_SCATTER = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,9 +112,11 @@ class Problem:
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
         view = seen.camera.view(seen.used)
         self._goal = pictures.band_pictures(view, seen.body, self._bands)[:, :2]
-        cuts = _cuts(rows, seen.body.cable_radius)
-        self._bias, bias_prior = _biases(rows, self._index, cuts)
-        self.sigma = np.where(cuts.any(axis=0), math.hypot(_SCATTER, _CUT_SCATTER), _SCATTER)
+        sightings = _sightings(seen)
+        cuts = cut_off(sightings, seen.body.cable_radius)
+        shapes, sigmas = bias_shapes(sightings, self._index, cuts)
+        self._bias = shapes.reshape(len(rows), 2, sigmas.size)
+        self.sigma = np.where(cuts[0] | cuts[1], math.hypot(_SCATTER, CUT_SCATTER), _SCATTER)
         self._since = float(seen.motion[0, 0])
         self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
         self.start = np.zeros(self._first_bias + self._bias.shape[2])
@@ -129,7 +126,7 @@ class Problem:
             self.start[self._first_z + i] = np.median(rows[own, Z])
         self.prior = np.zeros(self.start.size)
         self.prior[:COUNT] = [number.doubt**-2 for number in NUMBERS]
-        self.prior[self._first_bias :] = bias_prior
+        self.prior[self._first_bias :] = sigmas**-2
         if self.markers[0] == 0:
             # P0 is where angles and heights begin.
             self.prior[COUNT] = self.prior[self._first_z] = 1.0e12
@@ -206,7 +203,7 @@ class Problem:
         slopes[:COUNT] = self._by_area / (AREA_SIGMA * (1.0 + x[:COUNT]))
         return left, slopes
 
-    def _view(self, x: FloatArray):  # type: ignore[no-untyped-def]
+    def _view(self, x: FloatArray) -> CameraView:
         true = self._nominal - x[TILT : TILT + 6]
         a, b, c, px, py, pz = true.tolist()
         return self._seen.camera.view(CameraPose(tilt=(a, b, c), position=(px, py, pz)))
@@ -218,30 +215,15 @@ class Problem:
         return body._replace(rho=radius + r, cable_radius=r)
 
 
-def _cuts(rows: FloatArray, cable_radius: float) -> NDArray[np.bool_]:
-    """Return which bands lie beside a turn at -z, and at +z, that may cut them off, shape (2, k)."""
-    near = 2.6 * cable_radius
-    low, high, below, above = rows[:, SLOPE + 1 : SLOPE + 5].T
-    return np.array([(low > -math.pi) | (below < near), (high < math.pi) | (above < near)])
-
-
-def _biases(
-    rows: FloatArray, index: IndexArray, cuts: NDArray[np.bool_]
-) -> tuple[FloatArray, FloatArray]:
-    """Return what each unit of bias adds to the pictures, (k, 2, biases), and its inverse variance."""
-    sine = np.sin(rows[:, AZIMUTH])
-    shapes = (np.ones(sine.size), sine, 2.0 * sine**2 - 1.0)
-    groups = [(np.ones(sine.size), _COMMON)]
-    groups += [((index == i).astype(float), _OF_MARKER) for i in range(index.max() + 1)]
-    groups += [(cut.astype(float), _OF_CUT) for cut in cuts if cut.any()]
-    columns = np.zeros((sine.size, 2, 6 * len(groups)))
-    prior = []
-    for g, (group, sigmas) in enumerate(groups):
-        for s, (shape, both) in enumerate(zip(shapes, sigmas, strict=True)):
-            for axis, sigma in enumerate(both):
-                columns[:, axis, 6 * g + 2 * s + axis] = group * shape
-                prior.append(sigma**-2)
-    return columns, np.array(prior)
+def _sightings(seen: Seen) -> Sightings:
+    """Return sightings as `refinement` takes them; gates are not followed, nor means known."""
+    marker, _lap, _t, angle, azimuth, z, slope, low, high, below, above = seen.rows.T
+    nothing = np.full(marker.size, math.nan)
+    return Sightings(
+        marker=marker.astype(int), angle=angle, azimuth=azimuth, z=z, slope=slope,
+        low=low, high=high, below=below, above=above, left=nothing, right=nothing,
+        pose=seen.used, mean_theta=nothing, mean_z=nothing,
+    )  # fmt: skip
 
 
 def _scatter(off: FloatArray, rows: FloatArray) -> float:
@@ -257,7 +239,7 @@ def _scatter(off: FloatArray, rows: FloatArray) -> float:
     return 1.4826 * float(np.median(np.abs(bent))) / math.sqrt(6.0) if bent.size else 0.0
 
 
-def _area_slopes(view, body: Body) -> FloatArray:  # type: ignore[no-untyped-def]
+def _area_slopes(view: CameraView, body: Body) -> FloatArray:
     """Return how the logarithm of a band's area over the expected one goes with the numbers."""
 
     def area(other: Body) -> float:
@@ -268,9 +250,7 @@ def _area_slopes(view, body: Body) -> FloatArray:  # type: ignore[no-untyped-def
     usual = area(body)
     slopes = np.zeros(COUNT)
     wider = body._replace(rho=radius * (1.0 + _AREA_STEP) + r)
-    thicker = body._replace(
-        rho=body.rho + _AREA_STEP * r, cable_radius=(1.0 + _AREA_STEP) * r
-    )
+    thicker = body._replace(rho=body.rho + _AREA_STEP * r, cable_radius=(1.0 + _AREA_STEP) * r)
     slopes[CYLINDER] = -(area(wider) - usual) / _AREA_STEP
     slopes[CABLE] = -(area(thicker) - usual) / _AREA_STEP
     slopes[FOCAL], slopes[BAND] = -2.0, -1.0

@@ -20,7 +20,7 @@ _LEAST_GAIN = 11.0
 _SIGNIFICANT = 2.5
 # What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
 _AS_WELL, _AS_WELL_SHARE = 6.0, 0.03
-# A consistent sighting of two coordinates costs 2 at most: so much is not explained.
+# Two coordinates of a sighting that is explained leave a median square of 1.4 at most.
 _EXPLAINED = 3.0
 # Then the numbers are named that the fit takes so many doubts from what was configured.
 _FAR = 3.0
@@ -72,7 +72,7 @@ def judged(problem: Problem) -> Verdict:
         second = _explanations(problem, prior, first[0].fit)
         wrong = (first, second) if second else wrong
     best = wrong[-1][0].fit if wrong else usual
-    if best.cost > _EXPLAINED * problem.sigma.size:
+    if best.typical > _EXPLAINED:
         far = _furthest(usual)
         return Verdict(usual=usual, wrong=(far,) if far else (), explained=False)
     return Verdict(usual=usual, wrong=wrong)
@@ -119,6 +119,4 @@ def _explanations(problem: Problem, prior: FloatArray, usual: Fit) -> tuple[Expl
     if not found or usual.cost - found[0].fit.cost < _LEAST_GAIN:
         return ()
     most = max(_AS_WELL, _AS_WELL_SHARE * (usual.cost - found[0].fit.cost))
-    return tuple(
-        one for one in found if one.left and one.fit.cost < found[0].fit.cost + most
-    )
+    return tuple(one for one in found if one.left and one.fit.cost < found[0].fit.cost + most)
