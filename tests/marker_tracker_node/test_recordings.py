@@ -114,14 +114,15 @@ def test_the_lay_is_written_beside_the_markers(sequence, tmp_path):
 
 def test_what_is_printed_is_written_as_json(sequence, tmp_path):
     # The film shows a cylinder of 30 mm; a wrong number is named in the file, too.
-    found = tmp_path / "found.json"
-    words = ("--case", 4, "--cylinder-diameter-mm", 31.5, "--json", found)
+    file = tmp_path / "found.json"
+    words = ("--case", 4, "--cylinder-diameter-mm", 31.5, "--json", file)
     printed = tracked(sequence, sequence, tmp_path / "out.csv", *words)
-    record = json.loads(found.read_text(encoding="utf-8"))
+    record = json.loads(file.read_text(encoding="utf-8"))
     assert not record["healthy"]
     assert record["frames"] == 125
-    assert [item["number"] for item in record["contradictions"]] == ["cylinder_diameter"]
-    assert record["contradictions"][0]["sentence"] in printed
+    (found,) = record["contradictions"]
+    assert "cylinder_diameter" in (found["number"], *found["alternatives"])
+    assert found["sentence"] in printed
     assert record["markers"][1]["mean"]["sigma_z_m"] > 0.0
     assert record["markers"][4]["mean"] is None
 

@@ -15,6 +15,7 @@ from marker_tracker_node.detection.gate import TABLE_SIZE, empty_gates
 from marker_tracker_node.tracking.checks.consistency import RunChecks
 from marker_tracker_node.tracking.checks.lay_check import guide_doubt, missing_markers
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.estimator.pictures import band_pictures
 from marker_tracker_node.tracking.estimator.problem import Seen
 from marker_tracker_node.tracking.evidence import RunEvidence, UnnumberedBands
 from marker_tracker_node.tracking.frame.frame_update import update_burst
@@ -368,6 +369,7 @@ def warm_up(config: TrackerConfig) -> None:
     frame = np.zeros((48, 64, 3), dtype=np.uint8)
     Tracker(config, camera).track(frame, 0.0, 0.0, 0.0)
     setup = config.setup(camera.view(config.pose))
+    band_pictures(setup.camera, setup.body, np.zeros((1, 7)))
     # P0's place and what lies between markers are asked from Python, once they are in sight.
     predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), empty_gates(1), 0)
     frame.flags.writeable = False

@@ -1,22 +1,27 @@
-"""Evaluate the tracker: python -m winding_verification.tracker films 1001 1007."""
+"""Evaluate the tracker: python -m winding_verification.tracker films 1001 1007, or sightings."""
 
 from __future__ import annotations
 
-import sys
+import argparse
 
+from winding_verification.tracker.drawn_runs import drawn, drawn_summary
 from winding_verification.tracker.filmed_runs import filmed, summary
 
-if __name__ == "__main__":
-    first, last = (int(word) for word in sys.argv[2:4])
+
+def main() -> None:
+    """Print what came of every run of the seeds, and counts."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("runs", choices=("sightings", "films"))
+    parser.add_argument("first", type=int, help="seed of the first run")
+    parser.add_argument("end", type=int, help="seed behind the last run")
+    wanted = parser.parse_args()
+    seeds = range(wanted.first, wanted.end)
     found = []
-    for one in filmed(range(first, last)):
+    for one in filmed(seeds) if wanted.runs == "films" else drawn(seeds):
         found.append(one)
-        print(
-            f"{one.seed} {one.wrong.number or 'right'} {one.wrong.size:+.4g}: {one.kind}, "
-            f"named {','.join(one.named) or '-'}, known {one.known}, far {one.far:.1f}, "
-            f"refused {one.refused}, {'healthy' if one.healthy else 'not healthy'}"
-        )
-        for text in one.sentences:
-            print(f"    {text}")
-        sys.stdout.flush()
-    print(summary(found))
+        print(one, flush=True)
+    print(summary(found) if wanted.runs == "films" else drawn_summary(found))
+
+
+if __name__ == "__main__":
+    main()

@@ -64,6 +64,14 @@ class Outcome:
             return "innocent"
         return "harmless" if self.corrected else ("silent" if self.healthy else "unhealthy")
 
+    def __str__(self) -> str:
+        wrong = f"{self.wrong.number} {self.wrong.size:+.4g}" if self.wrong.number else "right"
+        said = "".join(f"\n    {text}" for text in self.sentences)
+        return (
+            f"{self.seed} {wrong}: {self.kind}, {', '.join(self.named) or '-'}, known {self.known}, "
+            f"worst {self.far:.1f} sigma, refused {self.refused}{said}"
+        )
+
 
 def outcome(world: World, frames: list[ByteArray], seed: int, wrong: WrongNumber) -> Outcome:
     """Return what the tracker makes of a film with a wrong number."""
@@ -90,15 +98,10 @@ def outcome(world: World, frames: list[ByteArray], seed: int, wrong: WrongNumber
         live.add_frame(stamp, frame)
         for _ in live.measured(final=True):
             pass
-        if live.clock is not None and len(live.history) % 50 == 0:
-            tracker.report()
-    report = live.report() if hasattr(live, "report") else tracker.report()
+    report = live.report()
+    assert report is not None
     spent = time.process_time() - began
-    clock = live.clock
-    said = [] if clock is None else [clock.refusal, clock.warning]
-    named = []
-    for item in report.contradictions:
-        named += [item.number, *getattr(item, "alternatives", ())]
+    named = [name for item in report.contradictions for name in (item.number, *item.alternatives)]
     means = tracker.estimates()
     theta, z = world.markers
     valid = (means["flags"] & int(MarkerFlag.NOT_WOUND)) == 0
@@ -118,7 +121,7 @@ def outcome(world: World, frames: list[ByteArray], seed: int, wrong: WrongNumber
                 None,
                 (
                     *(item.sentence for item in report.contradictions),
-                    *said,
+                    report.clock_doubt,
                     *report.remarks,
                     *report.doubts,
                     report.colour_refusal,

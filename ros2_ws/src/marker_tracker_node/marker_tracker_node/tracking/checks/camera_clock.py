@@ -136,17 +136,12 @@ class ClockOffset:
         last = (place - 1) % ROWS
         passed = abs(t - self._t[n, last])
         turned = abs(azimuth - self._azimuth[n, last])
-        if turned < SPACING_ANGLE and passed < (SPACING_REST if self._stands() else SPACING_TIME):
+        stands = abs(float(self._history.speeds(np.array([t]))[0])) < LEAST_SPAN
+        if turned < SPACING_ANGLE and passed < (SPACING_REST if stands else SPACING_TIME):
             return
         self._t[n, place], self._azimuth[n, place], self._at[n, place] = t, azimuth, np.nan
         self._count[n, place] = max(math.cos(azimuth), 0.0) ** FACING
         self._place[n] = (place + 1) % ROWS
-
-    def _stands(self) -> bool:
-        """Return whether the cylinder has not turned for as long as a clock may be off."""
-        now = self._history.newest
-        before, then = self._history.angles(np.array([now - self._reach, now]))
-        return bool(abs(then - before) < REST_ANGLE)
 
     def _moving(self) -> bool:
         """Return whether the cylinder turned since the oldest sighting that has not settled."""

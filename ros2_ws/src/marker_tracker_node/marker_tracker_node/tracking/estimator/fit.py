@@ -26,7 +26,7 @@ class Fit:
     cost: float  # Twice the negative logarithm of their likelihood, with the prior
     normal: FloatArray  # Information on them without the prior, shape (unknowns, unknowns)
     gradient: FloatArray  # Of the sightings at x, shape (unknowns,)
-    typical: float  # Median square of what is left of a sighting, in its variance
+    rest: float  # Square of what is left of four sightings in five at most, in its variance
 
 
 def fitted(problem: Problem, prior: FloatArray, start: FloatArray) -> Fit:
@@ -68,5 +68,5 @@ def _at(problem: Problem, prior: FloatArray, x: FloatArray) -> Fit:
         cost=cost + area**2 + float(prior @ x**2),
         normal=flat.T @ weighted + np.outer(by_area, by_area),
         gradient=weighted.T @ off.ravel() + area * by_area,
-        typical=float(np.median(square)),
+        rest=float(np.quantile(square, 0.8)),
     )
