@@ -92,9 +92,6 @@ def test_the_first_and_the_newest_laps_are_explained_whatever_the_length(laps: i
     some = one.rows[one.rows[:, MARKER] == 0][:20]
     rows = np.vstack([some] * laps)
     rows[:, LAP] = np.repeat(np.arange(laps), 20)
-    others = {
-        name: getattr(one, name) for name in ("motion", "area", "camera", "used", "nominal", "body")
-    }
-    kept = Seen.of(rows=rows, **others).rows
+    kept = Seen.of(**{**vars(one), "rows": rows}).rows
     assert len(kept) <= 400
     assert set(kept[:, LAP]) == {0, 1, *range(laps - 4, laps)}

@@ -269,6 +269,7 @@ class Tracker:
             rows=self._evidence.log.sightings,
             motion=self._evidence.log.motion,
             area=float(np.median(np.log(area))) if area.size else math.nan,
+            zeroed=self.origin == 0.0,
             camera=self.camera,
             used=self.pose,
             nominal=self.config.pose,

@@ -68,8 +68,8 @@ class Outcome:
         wrong = f"{self.wrong.number} {self.wrong.size:+.4g}" if self.wrong.number else "right"
         said = "".join(f"\n    {text}" for text in self.sentences)
         return (
-            f"{self.seed} {wrong}: {self.kind}, {', '.join(self.named) or '-'}, known {self.known}, "
-            f"worst {self.far:.1f} sigma, refused {self.refused}{said}"
+            f"{self.seed} {wrong}: {self.kind}, {', '.join(self.named) or '-'}, "
+            f"known {self.known}, worst {self.far:.1f} sigma, refused {self.refused}{said}"
         )
 
 

@@ -73,6 +73,7 @@ def sightings(
         rows=table[:, :-1],
         motion=np.array(motion),
         area=area,
+        zeroed=world.rest > 0.0,
         camera=camera,
         used=config.pose,
         nominal=config.pose,

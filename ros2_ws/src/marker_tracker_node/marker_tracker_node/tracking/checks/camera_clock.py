@@ -51,7 +51,7 @@ MOTION_SIGMA = 0.01
 LEAST_SPAN = 0.01
 # A sighting of less weight than this does not count as having been at its speed.
 LEAST_WEIGHT, LEAST_TOTAL = 0.2, 1.0e-9
-REFINED_EVERY = 10
+REFINED_EVERY, MORE_SPEEDS = 10, 1.1
 # An offset of this size costs as much as so much misfit: without evidence there is none.
 PREFERENCE = 1.0e-4
 # A length may be wrong by this share because of the clock; the part of it that may stay unknown.
@@ -114,6 +114,8 @@ class ClockOffset:
         self._place = np.zeros(bands, dtype=int)
         self._frames = 0
         self._best, self._best_at = math.inf, 0.0
+        # Speeds at which bands were seen, and their range at the last estimate [rad/s].
+        self._slowest, self._fastest, self._span = math.inf, 0.0, 0.0
 
     def add(self, t: float, azimuths: FloatArray) -> None:
         """Take what was seen in a frame.
@@ -127,8 +129,11 @@ class ClockOffset:
         for n in np.flatnonzero(np.isfinite(azimuths)):
             self._store(int(n), t, float(azimuths[n]))
         self._frames += 1
-        due = not self.estimate.known or self._frames % REFINED_EVERY == 0
-        if due and self._moving():
+        # Another speed tells more of an offset that is not known, another sighting of it little.
+        span = self._fastest - self._slowest
+        more = not self.estimate.known and span > MORE_SPEEDS * self._span
+        if (more or self._frames % REFINED_EVERY == 0) and self._moving():
+            self._span = span
             self._refine()
 
     def _store(self, n: int, t: float, azimuth: float) -> None:
@@ -136,7 +141,9 @@ class ClockOffset:
         last = (place - 1) % ROWS
         passed = abs(t - self._t[n, last])
         turned = abs(azimuth - self._azimuth[n, last])
-        stands = abs(float(self._history.speeds(np.array([t]))[0])) < LEAST_SPAN
+        speed = abs(float(self._history.speeds(np.array([t]))[0]))
+        self._slowest, self._fastest = min(self._slowest, speed), max(self._fastest, speed)
+        stands = speed < LEAST_SPAN
         if turned < SPACING_ANGLE and passed < (SPACING_REST if stands else SPACING_TIME):
             return
         self._t[n, place], self._azimuth[n, place], self._at[n, place] = t, azimuth, np.nan

@@ -225,6 +225,7 @@ def pass_turn(
             rows=np.column_stack([np.zeros((count, 2)), rows, np.full((count, 2), math.inf)]),
             motion=rows[:, :2],
             area=math.nan,
+            zeroed=False,
             camera=camera,
             used=used,
             nominal=nominal,

@@ -3,7 +3,7 @@
 Unknown are the configured numbers, by how much each is set too large, wound angle and height of
 every marker, and what the mask has wrong in all frames:
 
-    Theta = Theta_encoder((t - d) / (1 + s)) / (1 + e)
+    Theta = Theta_encoder((t - d) / (1 + s)) / (1 + e), times and angles counted from the first
     picture = f / f_set  projection(pose, R, r; Theta + phi - theta_n, z_n)
     measured = picture + bias(azimuth) + noise
 """
@@ -63,6 +63,7 @@ class Seen:
             and z, slope, low, high, below, above as in `Band`, shape (k, 11).
         motion: The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad].
         area: Logarithm of the median of measured over expected area; nan if there is none.
+        zeroed: Whether the encoder's zero is configured, and not found from P0 itself.
         used: Pose with which azimuth and z were computed.
         nominal: Pose as configured.
     """
@@ -70,6 +71,7 @@ class Seen:
     rows: FloatArray
     motion: FloatArray
     area: float
+    zeroed: bool
     camera: PinholeCamera
     used: CameraPose
     nominal: CameraPose
@@ -117,7 +119,7 @@ class Problem:
         shapes, sigmas = bias_shapes(sightings, self._index, cuts)
         self._bias = shapes.reshape(len(rows), 2, sigmas.size)
         self.sigma = np.where(cuts[0] | cuts[1], math.hypot(_SCATTER, CUT_SCATTER), _SCATTER)
-        self._since = float(seen.motion[0, 0])
+        self._since, self._from = seen.motion[0].tolist()
         self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
         self.start = np.zeros(self._first_bias + self._bias.shape[2])
         for i in range(count):
@@ -127,6 +129,8 @@ class Problem:
         self.prior = np.zeros(self.start.size)
         self.prior[:COUNT] = [number.doubt**-2 for number in NUMBERS]
         self.prior[self._first_bias :] = sigmas**-2
+        if not seen.zeroed:
+            self.prior[ZERO] = NUMBERS[ZERO].most ** -2
         if self.markers[0] == 0:
             # P0 is where angles and heights begin.
             self.prior[COUNT] = self.prior[self._first_z] = 1.0e12
@@ -152,9 +156,9 @@ class Problem:
         theta = np.interp(at, times, angles)
         speed = np.interp(at, times, self._speed)
         early = np.minimum(at - times[0], 0.0) + np.maximum(at - times[-1], 0.0)
-        theta = (theta + speed * early) * late
+        turned = (theta + speed * early - self._from) * late
         bands = self._bands.copy()
-        bands[:, 0] = theta + x[ZERO] - x[COUNT + self._index]
+        bands[:, 0] = self._from + turned + x[ZERO] - x[COUNT + self._index]
         bands[:, 1] = x[self._first_z + self._index]
         found = pictures.band_pictures(self._view(x), self._body(x), bands)
         scale = self._focal / (1.0 + x[FOCAL])
@@ -165,7 +169,7 @@ class Problem:
             return np.asarray(pairs[:, column // 2])
 
         azimuth = by(pictures.AZIMUTH)
-        slopes[:, :, SCALE] = -azimuth * (theta * late)[:, None]
+        slopes[:, :, SCALE] = -azimuth * (turned * late)[:, None]
         slopes[:, :, CLOCK] = -azimuth * (speed * longer * late)[:, None]
         slopes[:, :, TIMES] = -azimuth * (speed * longer * late * (at - self._since))[:, None]
         slopes[:, :, ZERO] = azimuth
