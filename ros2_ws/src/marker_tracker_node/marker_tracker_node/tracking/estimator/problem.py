@@ -97,7 +97,7 @@ class Problem:
         prior: Inverse variances of the unknowns, shape (unknowns,).
         start: Unknowns that explain the run if every configured number is right.
         sigma: Scatter of each sighting [px], shape (k,).
-        measured: Numbers of the markers that were seen, ascending.
+        markers: Numbers of those that were seen, ascending.
     """
 
     def __init__(self, seen: Seen) -> None:

@@ -26,7 +26,7 @@ _EXPLAINED = 6.5
 _FAR = 3.0
 # Numbers whose first step promises less than this share of the best are not tried.
 _PROMISING = 0.1
-_MOST_TRIED = 6
+_MOST_TRIED = 9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +65,7 @@ def judged(problem: Problem) -> Verdict:
     """Return which numbers are contradicted, with their alternatives."""
     usual = fitted(problem, problem.prior, problem.start)
     first = _explanations(problem, problem.prior, usual)
-    wrong = (first,) if first else ()
+    wrong: tuple[tuple[Explanation, ...], ...] = (first,) if first else ()
     if first:
         prior = problem.prior.copy()
         prior[first[0].number] = NUMBERS[first[0].number].most ** -2
