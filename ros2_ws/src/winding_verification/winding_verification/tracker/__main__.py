@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from typing import TypeVar
 
 from winding_verification.tracker.drawn_runs import drawn, drawn_summary
 from winding_verification.tracker.filmed_runs import filmed, summary
+
+Run = TypeVar("Run")
 
 
 def main() -> None:
@@ -16,11 +20,16 @@ def main() -> None:
     parser.add_argument("end", type=int, help="seed behind the last run")
     wanted = parser.parse_args()
     seeds = range(wanted.first, wanted.end)
-    found = []
-    for one in filmed(seeds) if wanted.runs == "films" else drawn(seeds):
-        found.append(one)
+    if wanted.runs == "films":
+        print(summary(_shown(filmed(seeds))))
+    else:
+        print(drawn_summary(_shown(drawn(seeds))))
+
+
+def _shown(runs: Iterator[Run]) -> Iterator[Run]:
+    for one in runs:
         print(one, flush=True)
-    print(summary(found) if wanted.runs == "films" else drawn_summary(found))
+        yield one
 
 
 if __name__ == "__main__":
