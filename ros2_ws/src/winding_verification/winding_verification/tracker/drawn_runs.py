@@ -22,8 +22,8 @@ class Drawn:
     """What the estimator made of a run."""
 
     seed: int  # Of the run
-    wrong: tuple[WrongNumber, ...]
-    named: frozenset[str]
+    wrong: tuple[WrongNumber, ...]  # None, one or two
+    named: frozenset[str]  # Numbers of the contradictions, alternatives among them
     cpu: float  # [s]
 
     @property

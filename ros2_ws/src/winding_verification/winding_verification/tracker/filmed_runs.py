@@ -33,10 +33,10 @@ class Outcome:
     """What a run with a wrong number came to."""
 
     seed: int  # Of the run
-    wrong: WrongNumber
+    wrong: WrongNumber  # That was configured
     named: tuple[str, ...]  # Numbers of the contradictions, alternatives among them
     sentences: tuple[str, ...]  # Everything that is reported
-    healthy: bool
+    healthy: bool  # As reported
     refused: int  # Frames that were not used
     known: int  # Markers
     far: float  # Largest deviation of a run mean from the truth, in its sigma

@@ -30,12 +30,12 @@ class World:
     marker_spacing: float  # [m]
     stretch: float  # Deformed over undeformed length
     marker_count: int  # After P0
-    drive: DriveProfile
+    drive: DriveProfile  # Of cylinder and guide
     rest: float  # Time at which the machine starts [s]
     free_length: float  # [m]
-    camera: CameraConfig
+    camera: CameraConfig  # That films
     landing: float = 0.0  # How far beyond P0 the guide stands as P0 lands [m]
-    fps: float = 30.0
+    fps: float = 30.0  # Of the camera [1/s]
     duration: float = 18.0  # [s]
 
     @classmethod

@@ -35,7 +35,7 @@ def fitted(problem: Problem, prior: FloatArray, start: FloatArray) -> Fit:
     Args:
         problem: Sightings and model.
         prior: Inverse variances about zero, for markers about nothing, shape (unknowns,).
-        start: Where to start.
+        start: Unknowns to start at, shape (unknowns,).
     """
     best = _at(problem, prior, start)
     for _ in range(_STEPS):

@@ -64,8 +64,10 @@ class Seen:
         motion: The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad].
         area: Logarithm of the median of measured over expected area; nan if there is none.
         zeroed: Whether the encoder's zero is configured, and not found from P0 itself.
+        camera: Content of CameraInfo.
         used: Pose with which azimuth and z were computed.
         nominal: Pose as configured.
+        body: What the bands are painted on, as configured.
     """
 
     rows: FloatArray

@@ -36,7 +36,7 @@ class Explanation:
     number: int  # Index in `NUMBERS`
     error: float  # By how much it is set too large
     sigma: float  # Of the error
-    fit: Fit
+    fit: Fit  # With that prior released
 
     @property
     def left(self) -> bool:
