@@ -25,6 +25,7 @@ from winding_rig_node.camera import (
     Window,
 )
 from winding_rig_node.lay.known_lay import CableLay
+from winding_verification.tracker.scenes import pinhole
 
 TURN = 2.0 * math.pi
 FREE_LENGTH = 0.198
@@ -58,22 +59,6 @@ def smooth_lay(case: Case, stretch: float = 1.0) -> CableLay:
         radius=case.centreline_radius,
     )
     return marked_lay(case, law.z(GRID), stretch, law.slope(GRID))
-
-
-def pinhole(camera: CameraConfig, focal: float = 1.0) -> PinholeCamera:
-    """The tracker's camera of the rig's, its focal length times a factor."""
-    info = camera.calibration()
-    k = np.array(info.k, dtype=float).reshape(3, 3)
-    k[[0, 1], [0, 1]] *= focal
-    return PinholeCamera.from_info(
-        width=info.width,
-        height=info.height,
-        k=k,
-        d=info.d,
-        roi=info.roi,
-        binning=info.binning,
-        distortion_model=info.distortion_model,
-    )
 
 
 def rms(values: np.ndarray) -> float:

@@ -24,7 +24,8 @@ _HELD = (psutil.STATUS_STOPPED, psutil.STATUS_TRACING_STOP)
 _WORK = 4.0
 # On a busy computer a process may wait long for the processor, or for the disk.
 _WAITING = (psutil.STATUS_RUNNING, psutil.STATUS_DISK_SLEEP)
-_FILE = "--params-file"
+# What ROS prints of a file of parameters that is not there.
+_FILE, _UNPARSED = "--params-file", "Failed to parse global arguments"
 _ERROR_MARKS = ("error:", "[ERROR]", "[FATAL]")
 # A node that complains without end may not fill the disk: two files of this size [bytes].
 LOG_LIMIT = 4_000_000
@@ -160,11 +161,11 @@ class NodeProcess:
         if self.return_code == -signal.SIGKILL:
             # What it printed had another cause.
             return ""
-        named = zip(self.arguments, self.arguments[1:], strict=False)
-        gone = [file for option, file in named if option == _FILE and not Path(file).exists()]
-        if gone:
-            # ROS prints that it cannot parse its arguments.
-            return f"{gone[0]} is gone"
+        if any(_UNPARSED in line for line in self._complaints):
+            named = zip(self.arguments, self.arguments[1:], strict=False)
+            files = [file for option, file in named if option == _FILE]
+            if gone := [file for file in files if not Path(file).exists()]:
+                return f"{gone[0]} is gone"
         errors = [line for line in self._complaints if line.startswith(_ERROR_MARKS)]
         if errors:
             return errors[-1].removeprefix("error: ").split("]: ", 1)[-1]

@@ -21,6 +21,22 @@ _GRID = np.arange(0.0, 45.0, 0.01)
 _COUNT = 2.0 * math.pi / 8192
 
 
+def pinhole(camera: CameraConfig, focal: float = 1.0) -> PinholeCamera:
+    """Return the tracker's camera of the rig's, its focal length times a factor."""
+    info = camera.calibration()
+    k = np.array(info.k, dtype=float).reshape(3, 3)
+    k[[0, 1], [0, 1]] *= focal
+    return PinholeCamera.from_info(
+        width=info.width,
+        height=info.height,
+        k=k,
+        d=info.d,
+        roi=info.roi,
+        binning=info.binning,
+        distortion_model=info.distortion_model,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class World:
     """A run as it really is."""
@@ -140,15 +156,4 @@ class World:
 
     def pinhole(self, focal: float = 1.0) -> PinholeCamera:
         """Return the tracker's camera, its focal length times a factor."""
-        info = self.camera.calibration()
-        k = np.array(info.k, dtype=float).reshape(3, 3)
-        k[[0, 1], [0, 1]] *= focal
-        return PinholeCamera.from_info(
-            width=info.width,
-            height=info.height,
-            k=k,
-            d=info.d,
-            roi=info.roi,
-            binning=info.binning,
-            distortion_model=info.distortion_model,
-        )
+        return pinhole(self.camera, focal)

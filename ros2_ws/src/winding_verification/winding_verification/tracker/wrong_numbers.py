@@ -37,8 +37,6 @@ _SAME = {
     "camera_tilt_x": {"camera_height", "encoder_zero"},
     "camera_along": {"camera_tilt_y"},
     "camera_tilt_y": {"camera_along"},
-    "encoder_scale": {"encoder_or_times"},
-    "frame_times": {"encoder_or_times"},
 }
 # Words of remarks, warnings and doubts that name a number outside of the contradictions.
 _WORDS = {
