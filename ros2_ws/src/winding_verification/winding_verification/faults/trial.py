@@ -230,16 +230,20 @@ class Trial:
         account = self.account
         account.printed = "".join(self._lines)
         (self.folder / "terminal.txt").write_text(account.printed, encoding="utf-8")
-        files = [self.folder / "run" / "run.json"]
+        self._take_numbers()
         # A full disk has its numbers elsewhere.
-        files += map(Path, re.findall(r"numbers: (\S*/winding-run-\S+)", account.printed))
-        for file in filter(Path.is_file, files):
-            account.run = json.loads(file.read_text(encoding="utf-8"))
-        for file in files[1:]:
-            shutil.rmtree(file.parent, ignore_errors=True)
+        for name in re.findall(r"numbers: (\S*/winding-run-\S+)", account.printed):
+            self._take_numbers(Path(name))
+            shutil.rmtree(Path(name).parent, ignore_errors=True)
         # Its last line may be cut where the disk was full.
         with contextlib.suppress(ValueError):
             account.events = read_events(self.folder / "run" / "events.jsonl")
+
+    def _take_numbers(self, file: Path | None = None) -> None:
+        """Keep a run.json, that of the run's folder if none is named, where there is one."""
+        file = file or self.folder / "run" / "run.json"
+        if file.is_file():
+            self.account.run = json.loads(file.read_text(encoding="utf-8"))
 
     async def _put_in(self) -> None:
         """Put every fault in when its time has come; whether one before it has ended or not."""
@@ -306,6 +310,8 @@ class Trial:
             psutil.Process(self._run.pid).rlimit(resource.RLIMIT_FSIZE, (_FULL, _FULL))
 
     async def _remove(self, _: str) -> None:
+        # What the run had written by then is lost through this fault, not by the run.
+        self._take_numbers()
         shutil.rmtree(self.folder / "run", ignore_errors=True)
 
     async def _signal(self, names: str) -> None:
