@@ -1,6 +1,7 @@
 """A run may begin anywhere: P0 or the fault of the picture is found, and the camera's turn."""
 
 import itertools
+import math
 
 import cv2
 import numpy as np
@@ -61,6 +62,17 @@ def test_an_encoder_that_counts_backwards_is_reported(paper_film):
     for t, frame, angle, guide in film.frames(RATE, stop=2.0):
         tracker.track(frame, t, -angle, guide)
     assert "the encoder counts backwards" in tracker.report().colour_refusal
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [0.0, 2.0])
+@pytest.mark.parametrize("number", [4, 9])
+def test_an_encoder_that_reports_degrees_is_named(paper_film, number, start):
+    film = paper_film(number)
+    tracker = film.tracker()
+    for t, frame, angle, guide in film.frames(RATE, start=start, stop=start + 6.0):
+        tracker.track(frame, t, math.degrees(angle), guide)
+    assert "degrees instead of radians" in tracker.report().colour_refusal
 
 
 @pytest.mark.slow

@@ -27,8 +27,8 @@ ByteArray = NDArray[np.uint8]
 LOOK_STEP = 0.01
 # The acquisition of markers finds P0 itself so far from where the encoder places it [rad].
 BELIEVED = 0.45
-# The doubts about a P0 that was sampled end after so much of the way [rad].
-DOUBTED = 2.0 * TURN
+# The doubts about a P0 that was sampled end after so much of the way [rad], and so many looks.
+DOUBTED, LEAST_LOOKS = 2.0 * TURN, 20
 
 
 class RunStart:
@@ -63,6 +63,7 @@ class RunStart:
         self._search = BandSearch(config)
         self._doubts = PictureDoubts(config)
         self._begun = self._looked = math.nan
+        self._looks = 0
         self._proven = self._given
         self._settled = False
         self._palette: tuple[ColourModel | None, Palette] | None = None
@@ -149,13 +150,15 @@ class RunStart:
         if found is not None:
             self._proven = True
             return self._found(found, frame, angle, guide)
-        if self.colour is None or not self._search.moving:
+        self._looks += 1
+        if self.colour is None or not self._search.moving or self._doubts.leaps(angle):
             doubt = self._doubts.add(frame, setup, angle)
             if doubt:
                 self._settled = True
                 self.colour, self.refusal = None, doubt
                 return True
-        self._proven = self.colour is not None and abs(angle - self._begun) > DOUBTED
+        far = abs(angle - self._begun) > DOUBTED and self._looks > LEAST_LOOKS
+        self._proven = self.colour is not None and far
         return False
 
     def _found(self, band: MovingBand, frame: ByteArray, angle: float, guide: float) -> bool:

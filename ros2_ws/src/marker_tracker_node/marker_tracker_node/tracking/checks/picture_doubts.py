@@ -1,4 +1,4 @@
-"""What is wrong with pictures in which P0 is not found where it must pass."""
+"""What is wrong with pictures, or with angles, where P0 is not found where it must pass."""
 
 from __future__ import annotations
 
@@ -18,6 +18,8 @@ ByteArray = NDArray[np.uint8]
 # Pixels whose channels differ by less have no colour, and a picture with so few of others neither.
 GREY_LEVELS = 24
 COLOURED_SHARE = 2.0e-4
+# Readings that leap so far between frames may be degrees [rad]: a cylinder turns less.
+LEAP = 0.5
 # A hue that is not the marker's is looked at where the colour is strong.
 STRONG = 0.5
 
@@ -25,6 +27,7 @@ _SWAPPED = (
     "the colours are swapped: P0 is found after exchanging red and blue; is it rgb8 labelled "
     "bgr8, or the other way round? Set encoding, or marker_hue if the markers are of that colour"
 )
+_DEGREES = "the encoder's readings are degrees instead of radians: P0 moves with a 57.3th of them"
 _CHANGES: dict[str, Callable[[ByteArray], ByteArray]] = {
     "the picture is mirrored: P0 is found where it would be after exchanging left and right": (
         lambda frame: frame[:, ::-1]
@@ -35,15 +38,17 @@ _CHANGES: dict[str, Callable[[ByteArray], ByteArray]] = {
     "P0 moves against the cylinder: the picture is flipped, up for down, or the encoder counts "
     "backwards (cylinder_scale -1)": lambda frame: frame[::-1],
     _SWAPPED: lambda frame: frame[:, :, ::-1],
+    _DEGREES: lambda frame: frame,
 }
 
 
 class PictureDoubts:
-    """Looks for P0 in pictures as they would be after undoing what a camera may do to them."""
+    """Looks for P0 after undoing what a camera may do to pictures, or an encoder to angles."""
 
     def __init__(self, config: TrackerConfig) -> None:
         """Start with nothing seen."""
         self._config = config
+        self._last = math.nan
         # Exchanging red and blue leaves green what it was.
         swapped = math.remainder(240.0 - 2.0 * config.marker_hue, 360.0)
         alike = abs(swapped) <= 2.0 * config.marker_hue_tolerance
@@ -53,6 +58,10 @@ class PictureDoubts:
             if not (alike and sentence == _SWAPPED)
         }
 
+    def leaps(self, angle: float) -> bool:
+        """Return whether the encoder's reading [rad] lies far from the one before."""
+        return abs(angle - self._last) > LEAP
+
     def add(self, frame: ByteArray, setup: Setup, angle: float) -> str:
         """Take a frame; return what is wrong with the pictures, empty while that is not known.
 
@@ -61,9 +70,13 @@ class PictureDoubts:
             setup: Machine and camera.
             angle: Reading of the encoder [rad].
         """
+        leaping = self.leaps(angle)
+        self._last = angle
         for sentence, search in self._searches.items():
+            if sentence is _DEGREES and not leaping:
+                continue
             changed = np.ascontiguousarray(_CHANGES[sentence](frame))
-            if search.add(changed, setup, angle) is not None:
+            if search.add(changed, setup, math.radians(angle) if sentence is _DEGREES else angle):
                 return sentence
         return ""
 

@@ -18,14 +18,16 @@ FloatArray = NDArray[np.float64]
 _LEAST_GAIN = 11.0
 # And the number must be off by so many deviations, its doubt among them.
 _SIGNIFICANT = 2.5
-# What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
-_AS_WELL, _AS_WELL_SHARE = 6.0, 0.03
+# What costs no more than this beyond the best explanation, or this share of its gain, is one, too:
+# neighbours in a passing err together, which makes differences of cost 2 to 3 times too large.
+_AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
 # Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
 _EXPLAINED = 6.5
 # Then the numbers are named that the fit takes so many doubts from what was configured.
 _FAR = 3.0
-# Numbers whose first step promises less than this share of the best are not tried.
-_PROMISING = 0.1
+# Numbers whose first step promises less than this share of what is needed, or of the best, are not
+# tried: a step of outliers and bends promises half of what it leads to.
+_PROMISED, _PROMISING = 0.5, 0.1
 _MOST_TRIED = 9
 
 
@@ -103,7 +105,7 @@ def _explanations(problem: Problem, prior: FloatArray, usual: Fit) -> tuple[Expl
     promised.sort(reverse=True)
     found = []
     for gain, number, error in promised[:_MOST_TRIED]:
-        if gain < max(_LEAST_GAIN, _PROMISING * promised[0][0]):
+        if gain < max(_PROMISED * _LEAST_GAIN, _PROMISING * promised[0][0]):
             break
         wide_prior = prior.copy()
         wide_prior[number] = NUMBERS[number].most ** -2
