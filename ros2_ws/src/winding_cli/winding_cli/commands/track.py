@@ -46,6 +46,9 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record")
 
+# The least tension that a condition may have [N].
+_UNLOADED = 1.0e-3
+
 
 @with_options(Condition, CameraClockParameters, CameraPlacement, MarkerParameters, CameraPixels)
 def track(
@@ -105,7 +108,7 @@ def track(
             position=camera_position_sigma_mm * MILLIMETRE,
             tilt=camera_tilt_sigma_mrad * MILLIRADIAN,
         )
-        wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
+        wound, assumed = tracked_condition(typed)
         where = _built(CameraPlacement, placement)
         sought, read = _built(MarkerParameters, markers), _built(CameraPixels, pixels)
         config = TrackerConfig.of(wound.resolved(), where, sought, row_time=read.row_time)
@@ -153,7 +156,7 @@ def track(
         unrefined=unrefined,
         clock=live.clock,
         lay=None if follower.lay is None else follower.lay.report(),
-        remarks=tuple(frames.remarks()),
+        remarks=(*assumed, *frames.remarks()),
     )
     for item in result.shown():
         result_console().print(item, soft_wrap=isinstance(item, str))
@@ -161,6 +164,20 @@ def track(
         write_json(json_file, result.record())
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
+
+
+def tracked_condition(typed: Typed) -> tuple[Condition, tuple[str, ...]]:
+    """Return what is wound, and a remark if that was not given.
+
+    Where cable lies is measured: without a tension it is expected as long as it was made.
+    """
+    own = {"cylinder_diameter_mm", "cable_diameter_mm", "marker_spacing_mm"}
+    if own & typed.keys() and not {"case", "tension_n", "tension_mpa"} & typed.keys():
+        typed = {"tension_n": _UNLOADED, **typed}
+    wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case)
+    if "case" in typed or not wound.case:
+        return wound, ()
+    return wound, (f"no cylinder and cable are given: those of case {wound.case} are assumed",)
 
 
 def _refined(
