@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
 from marker_tracker_node.tracking.checks.camera_zero import CameraZero
+from marker_tracker_node.tracking.checks.misplaced_camera import MisplacedCamera
 from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.p0_search import (
@@ -62,9 +63,11 @@ class RunStart:
         self._given = colour is not None
         self._search = BandSearch(config)
         self._doubts = PictureDoubts(config)
+        self._misplaced = MisplacedCamera(config)
         self._begun = self._looked = math.nan
         self._looks = 0
-        self._proven = self._given
+        # Whether P0 moved with the cylinder, and whether it is sought no longer.
+        self._followed = self._proven = self._given
         self._settled = False
         self._palette: tuple[ColourModel | None, Palette] | None = None
 
@@ -85,9 +88,10 @@ class RunStart:
         at = angle - self.origin
         if self.colour is None:
             self._sample(frame, setup, 0.0 if math.isnan(at) else at)
-        if not self._proven and math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
+        if math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
             self._looked = angle
-            void = self._look(frame, setup, angle, guide)
+            void = not self._proven and self._look(frame, setup, angle, guide)
+            void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle)
         if self.colour is not None:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
         return void
@@ -100,7 +104,7 @@ class RunStart:
             out: Of one frame.
         """
         void = self.zero.saw(t, out)
-        self.done = self._proven and self.zero.done
+        self.done = self._proven and self.zero.done and self._misplaced.done
         return void
 
     def palette(self) -> Palette:
@@ -148,18 +152,26 @@ class RunStart:
     def _look(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
         found = self._search.add(frame, setup, angle)
         if found is not None:
-            self._proven = True
+            self._followed = self._proven = True
             return self._found(found, frame, angle, guide)
         self._looks += 1
         if self.colour is None or not self._search.moving or self._doubts.leaps(angle):
             doubt = self._doubts.add(frame, setup, angle)
             if doubt:
-                self._settled = True
-                self.colour, self.refusal = None, doubt
-                return True
+                return self._withdraw(doubt)
         far = abs(angle - self._begun) > DOUBTED and self._looks > LEAST_LOOKS
         self._proven = self.colour is not None and far
         return False
+
+    def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float) -> bool:
+        doubt = self._misplaced.add(frame, setup, angle, followed=self._followed)
+        return bool(doubt) and self._withdraw(doubt)
+
+    def _withdraw(self, doubt: str) -> bool:
+        """Follow nothing any more."""
+        self._settled = True
+        self.colour, self.refusal = None, doubt
+        return True
 
     def _found(self, band: MovingBand, frame: ByteArray, angle: float, guide: float) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""

@@ -1,0 +1,85 @@
+"""Where the camera stands, or looks, if P0 passes beside the place that its pose gives."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.p0_search import SEARCH_REACH, TURN, BandSearch
+from marker_tracker_node.tracking.state import Setup
+from winding_core.units import MILLIMETRE, MILLIRADIAN
+
+ByteArray = NDArray[np.uint8]
+
+# Errors of the camera's place along the axis, and of its height, that are tried [m]: so far apart
+# that P0 lies within the reach of a search with one of them.
+ERRORS = tuple(1.6 * SEARCH_REACH * step for step in (-2, -1, 1, 2))
+# P0 has passed once after so much of the way; what is found earlier may be another marker [rad].
+ONE_LAP, TWO_LAPS = 1.2 * TURN, 2.4 * TURN
+# A pass is looked at so often [rad].
+LOOK_STEP = 0.1
+
+
+class MisplacedCamera:
+    """Looks for P0 as it would pass if the camera stood elsewhere than is configured.
+
+    Attributes:
+        done: Whether P0 has passed often enough.
+    """
+
+    def __init__(self, config: TrackerConfig) -> None:
+        """Start with nothing seen."""
+        # The first marker lies lowest where the feed leads upwards.
+        self.done = config.advance_per_radian <= 0.0
+        self._searches = {
+            (axis, error): BandSearch(config) for axis in ("z", "y") for error in ERRORS
+        }
+        # Error of the camera's place [m] with which P0 was found.
+        self._found: dict[tuple[str, float], float] = {}
+        self._begun = self._looked = math.nan
+
+    def add(self, frame: ByteArray, setup: Setup, angle: float, *, followed: bool) -> str:
+        """Take a frame; return where the camera may stand, empty while that is not known.
+
+        Args:
+            frame: Shape (rows, columns, 3).
+            setup: Machine and camera.
+            angle: Reading of the encoder [rad].
+            followed: Whether something is followed as P0 already, which may be a later marker.
+        """
+        if abs(angle - self._looked) < LOOK_STEP:
+            return ""
+        self._looked = angle
+        if math.isnan(self._begun):
+            self._begun = angle
+        way = abs(angle - self._begun)
+        self.done = way > TWO_LAPS
+        view = setup.camera
+        for (axis, error), search in self._searches.items():
+            if followed and (axis == "y" or error > 0.0):
+                continue
+            moved = view._replace(**{axis: getattr(view, axis) - error})
+            band = search.add(frame, setup._replace(camera=moved), angle)
+            if band is not None:
+                self._found[axis, error] = error + (band.z if axis == "z" else 0.0)
+        along = min((error for (axis, _), error in self._found.items() if axis == "z"), default=0.0)
+        if followed:
+            return _sentence(along, setup, "along the axis", "y") if along < -SEARCH_REACH else ""
+        if way < ONE_LAP or self.done or not self._found:
+            return ""
+        if along:
+            return _sentence(along, setup, "along the axis", "y")
+        heights = [error for (axis, _), error in self._found.items() if axis == "y"]
+        return _sentence(min(heights, key=abs), setup, "in height", "x")
+
+
+def _sentence(error: float, setup: Setup, where: str, axis: str) -> str:
+    turned = abs(error) / abs(setup.camera.x)
+    return (
+        f"P0 passes {abs(error) / MILLIMETRE:.0f} mm beside its place: the camera's place {where} "
+        f"is wrong by so much, or its turn about {axis} by {turned / MILLIRADIAN:.0f} mrad; set "
+        "camera_tilt or camera_position"
+    )
