@@ -13,17 +13,11 @@ from marker_film import DRIVE, FINE, GRID, SENSOR, UNSEEN, Film, marked_lay, pin
 from marker_tracker_node import CameraPose, PinholeCamera, Sightings, TrackerConfig, refine
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_pixel
 from marker_tracker_node.detection.band import Band, band_centroid, solve_band
-from marker_tracker_node.detection.gate import empty_gates, gate_sides
-from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
-from marker_tracker_node.tracking.sightings import GatedBands
 from winding_core.cable.cases import Case
 from winding_core.helix import FleetAngleLaw
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window
 
 pytestmark = pytest.mark.slow
-AZIMUTHS = np.array([-0.9, -0.3, 0.0, 0.5, 0.9]) + 4.0 * math.pi
-HEIGHT = 4.0e-3
-CUT = 1.15
 WINDOWS = (
     FINE,
     FINE,
@@ -71,56 +65,6 @@ def test_p0_zeroes_the_pose_in_the_first_frame(paper_film):
     # 0.4 px of the binned window are 0.24 mrad: one frame, and P0 sits where the bend begins.
     np.testing.assert_allclose(tracker.pose.tilt, (8e-3, -6e-3, 0.0), atol=0.25e-3)
     assert isinstance(tracker.camera, PinholeCamera)
-
-
-def seen_through_gates(film, high):
-    """Bands of one marker that are cut off at an angle around the section, gates beside them."""
-    config = film.tracker().config
-    body, camera, pose = config.body, film.pinhole(), config.pose
-    view = camera.view(pose)
-    count = AZIMUTHS.size
-    right = np.full(count, math.nan)
-    if high < math.pi:
-        setup, gates = config.setup(view), empty_gates(1)
-        for k, azimuth in enumerate(AZIMUTHS):
-            predict_gate(setup, Band(azimuth, HEIGHT, 0.0, -math.pi, high), gates, 0)
-            right[k] = gate_sides(gates, 0)[1]
-    sightings = Sightings(
-        marker=np.ones(count, int),
-        angle=AZIMUTHS,
-        azimuth=AZIMUTHS,
-        z=np.full(count, HEIGHT),
-        slope=np.zeros(count),
-        low=np.full(count, -math.pi),
-        high=np.full(count, high),
-        below=np.full(count, math.inf),
-        above=np.full(count, math.inf),
-        left=np.full(count, math.nan),
-        right=right,
-        pose=pose,
-        mean_theta=np.zeros(2),
-        mean_z=np.array([0.0, HEIGHT]),
-    )
-    return GatedBands(camera, body, sightings), sightings, pose
-
-
-@pytest.mark.parametrize("high", [CUT, math.pi])
-def test_what_was_measured_comes_back(smooth_film, high):
-    bands, sightings, pose = seen_through_gates(smooth_film(4), high)
-    again = bands.pictures(pose, sightings.azimuth, sightings.z)
-    # A gate is straight where the cable beside it bends over a band: half of 0.05 mm at 0.4 m.
-    np.testing.assert_allclose(again, bands.measured, atol=7.0e-5 if high < math.pi else 1.0e-12)
-
-
-def test_a_gate_that_cuts_a_band_lets_it_move_by_half(smooth_film):
-    moves = []
-    for high in (CUT, math.pi):
-        bands, sightings, pose = seen_through_gates(smooth_film(4), high)
-        before = bands.pictures(pose, sightings.azimuth, sightings.z)
-        after = bands.pictures(pose, sightings.azimuth, sightings.z + 0.05e-3)
-        moves.append((after - before)[:, 0])
-    # The middle of a width of which one end stands; a section is an ellipse seen from the side.
-    np.testing.assert_allclose(moves[0] / moves[1], 0.5, atol=0.1)
 
 
 def lay_of(case, rng):
@@ -263,8 +207,7 @@ def painted(seed, share):
     sightings = Sightings(
         marker=marker.astype(int), angle=angle, azimuth=azimuth, z=height,
         slope=np.full(marker.size, slope), low=0.0 / free - math.pi, high=0.0 / free + math.pi,
-        below=free, above=free, left=math.nan * free, right=math.nan * free, pose=pose,
-        mean_theta=theta, mean_z=z,
+        below=free, above=free, pose=pose, mean_theta=theta, mean_z=z,
     )  # fmt: skip
     return config, camera, sightings
 

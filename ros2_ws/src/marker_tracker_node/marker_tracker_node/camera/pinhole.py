@@ -70,6 +70,17 @@ class CameraPose:
         if not np.isfinite([*self.position, *self.tilt]).all():
             raise ValueError(f"pose must be finite, got {self.position} and {self.tilt}")
 
+    @classmethod
+    def of(cls, numbers: FloatArray) -> CameraPose:
+        """Return the pose of this tilt [rad] and position [m], shape (6,)."""
+        a, b, c, x, y, z = numbers.tolist()
+        return cls(tilt=(a, b, c), position=(x, y, z))
+
+    @property
+    def numbers(self) -> FloatArray:
+        """Tilt [rad] and position [m], shape (6,)."""
+        return np.array([*self.tilt, *self.position])
+
     @property
     def axes(self) -> FloatArray:
         """Right, down and forward axes of the camera in the lab frame as rows, shape (3, 3)."""

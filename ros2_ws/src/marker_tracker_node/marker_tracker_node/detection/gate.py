@@ -166,16 +166,6 @@ def gate_moments(
 
 
 @called
-def gate_sides(gates: Gates, n: int) -> tuple[float, float]:  # pragma: no cover
-    """Return the columns where gate n ends in the row of its centre [px]."""
-    tu, tv = gates.along_u[n], gates.along_v[n]
-    return (
-        gates.column[n] - gates.left[n] / (tv + gates.left_lean[n] * tu),
-        gates.column[n] - gates.right[n] / (tv + gates.right_lean[n] * tu),
-    )
-
-
-@called
 def in_gate(gates: Gates, n: int, u: float, v: float) -> bool:  # pragma: no cover
     """Return whether a pixel lies in gate n."""
     du, dv = u - gates.column[n], v - gates.row[n]

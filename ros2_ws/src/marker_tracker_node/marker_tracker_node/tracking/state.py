@@ -199,9 +199,6 @@ class Output:
         high: See `Band` [rad].
         below: See `Band` [m].
         above: See `Band` [m].
-        left: Column where the gate ends on the side of -z, in the row of its centre [px]; nan where
-            light hid a part, whose outline is fitted beyond the gate.
-        right: The same on the side of +z.
         marker_flags: See `MarkerFlag`; an array has flags of its own.
     """
 
@@ -216,8 +213,6 @@ class Output:
     high: FloatArray
     below: FloatArray
     above: FloatArray
-    left: FloatArray
-    right: FloatArray
     marker_flags: NDArray[np.uint32]
 
 

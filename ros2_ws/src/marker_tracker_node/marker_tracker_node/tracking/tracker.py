@@ -31,7 +31,7 @@ from winding_core.markers import MarkerFlag, Markers, wound_markers
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 # Of a sighting that are kept as they are in `Output`.
-_ROWS = ("azimuth", "slope", "low", "high", "below", "above", "left", "right")
+_ROWS = ("azimuth", "slope", "low", "high", "below", "above")
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
 # No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
 _MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
@@ -67,7 +67,7 @@ class Tracker:
             config: Machine, cable and camera pose.
             camera: Content of CameraInfo.
             colour: Of the markers; None to learn it from P0.
-            remember: Whether to keep every sighting for `sightings`; 112 bytes a marker and frame.
+            remember: Whether to keep every sighting for `sightings`; 96 bytes a marker and frame.
             motion_before: Times [s], encoder readings [rad] and guide positions [m] of the run
                 before the first frame, shape (3, n); None where the frames begin with the run.
         """

@@ -14,7 +14,7 @@ from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.fit import fitted
-from marker_tracker_node.tracking.estimator.numbers import COUNT, TILT, ZERO
+from marker_tracker_node.tracking.estimator.numbers import TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.p0_search import NEAR_START, locate_marker
 from marker_tracker_node.tracking.state import Burst, Setup
@@ -42,8 +42,8 @@ SMALL_TURN = 1.0e-6
 # A single frame cannot improve a pose that explains it this well.
 TRUSTED_PIXELS = 0.5
 # Of a pass: what is believed before it of both turns and of the encoder's zero, clocks included
-# [rad], and the inverse variance of every other number, which is taken as it is configured.
-BELIEFS, HELD = np.array([0.02, 0.02, 0.1]), 1.0e12
+# [rad]. Every other number is taken as it is configured.
+BELIEFS = {TILT: 0.02, TILT + 1: 0.02, ZERO: 0.1}
 
 
 class CameraZero:
@@ -232,12 +232,11 @@ def pass_turn(
             body=body,
         )
     )
-    free = [TILT, TILT + 1, ZERO]
-    problem.prior[:COUNT] = HELD
-    problem.prior[free] = BELIEFS**-2
-    fit = fitted(problem, problem.prior, problem.start)
-    spread = np.linalg.inv(fit.normal + np.diag(problem.prior))
-    return -fit.x[free[:2]], np.sqrt(np.diag(spread)[free[:2]])
+    prior = problem.doubting(BELIEFS)
+    fit = fitted(problem, prior, problem.start)
+    spread = np.linalg.inv(fit.normal + np.diag(prior))
+    turn = slice(TILT, TILT + 2)
+    return -fit.x[turn], np.sqrt(np.diag(spread)[turn])
 
 
 def tilted(pose: CameraPose, turn: FloatArray) -> CameraPose:

@@ -11,6 +11,7 @@ every marker, and what the mask has wrong in all frames:
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,6 +22,7 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCa
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.estimator import pictures
+from marker_tracker_node.tracking.estimator.mask_bias import CUT_SCATTER, bias_shapes, cut_off
 from marker_tracker_node.tracking.estimator.numbers import (
     BAND,
     CABLE,
@@ -35,11 +37,11 @@ from marker_tracker_node.tracking.estimator.numbers import (
     TIMES,
     ZERO,
 )
-from marker_tracker_node.tracking.refinement import CUT_SCATTER, bias_shapes, cut_off
-from marker_tracker_node.tracking.sightings import Sightings
 
 FloatArray = NDArray[np.float64]
 
+# Inverse variance of what is taken as it is: a millionth.
+HELD = 1.0e12
 # Columns of sightings.
 MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, SLOPE = range(7)
 # Bands of consistent runs are 1 to 5 % smaller than they are, as their edges are mixed pixels.
@@ -116,10 +118,8 @@ class Problem:
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
         view = seen.camera.view(seen.used)
         self._goal = pictures.band_pictures(view, seen.body, self._bands)[:, :2]
-        sightings = _sightings(seen)
-        cuts = cut_off(sightings, seen.body.cable_radius)
-        shapes, sigmas = bias_shapes(sightings, self._index, cuts)
-        self._bias = shapes.reshape(len(rows), 2, sigmas.size)
+        cuts = cut_off(self._bands, seen.body.cable_radius)
+        self._bias, sigmas = bias_shapes(azimuth, self._index, cuts)
         self.sigma = np.where(cuts[0] | cuts[1], math.hypot(_SCATTER, CUT_SCATTER), _SCATTER)
         self._since, self._from = seen.motion[0].tolist()
         self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
@@ -135,11 +135,17 @@ class Problem:
             self.prior[ZERO] = NUMBERS[ZERO].most ** -2
         if self.markers[0] == 0:
             # P0 is where angles and heights begin.
-            self.prior[COUNT] = self.prior[self._first_z] = 1.0e12
+            self.prior[COUNT] = self.prior[self._first_z] = HELD
             self.start[COUNT] = self.start[self._first_z] = 0.0
-        self._nominal = np.array([*seen.nominal.tilt, *seen.nominal.position])
         self._by_area = _area_slopes(view, seen.body)
         self.sigma *= max(_scatter(self.linearised(self.start)[0], rows) / _SCATTER, 1.0)
+
+    def doubting(self, sigmas: Mapping[int, float]) -> FloatArray:
+        """Return the prior with these numbers doubted by so much, and all others held."""
+        prior = self.prior.copy()
+        prior[:COUNT] = HELD
+        prior[list(sigmas)] = [1.0 / max(sigma**2, 1.0 / HELD) for sigma in sigmas.values()]
+        return prior
 
     def linearised(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return what the unknowns leave unexplained, and its derivatives by them.
@@ -210,26 +216,14 @@ class Problem:
         return left, slopes
 
     def _view(self, x: FloatArray) -> CameraView:
-        true = self._nominal - x[TILT : TILT + 6]
-        a, b, c, px, py, pz = true.tolist()
-        return self._seen.camera.view(CameraPose(tilt=(a, b, c), position=(px, py, pz)))
+        pose = CameraPose.of(self._seen.nominal.numbers - x[TILT : TILT + 6])
+        return self._seen.camera.view(pose)
 
     def _body(self, x: FloatArray) -> Body:
         body = self._seen.body
         r = body.cable_radius / (1.0 + float(x[CABLE]))
         radius = (body.rho - body.cable_radius) / (1.0 + float(x[CYLINDER]))
         return body._replace(rho=radius + r, cable_radius=r)
-
-
-def _sightings(seen: Seen) -> Sightings:
-    """Return sightings as `refinement` takes them; gates are not followed, nor means known."""
-    marker, _lap, _t, angle, azimuth, z, slope, low, high, below, above = seen.rows.T
-    nothing = np.full(marker.size, math.nan)
-    return Sightings(
-        marker=marker.astype(int), angle=angle, azimuth=azimuth, z=z, slope=slope,
-        low=low, high=high, below=below, above=above, left=nothing, right=nothing,
-        pose=seen.used, mean_theta=nothing, mean_z=nothing,
-    )  # fmt: skip
 
 
 def _scatter(off: FloatArray, rows: FloatArray) -> float:

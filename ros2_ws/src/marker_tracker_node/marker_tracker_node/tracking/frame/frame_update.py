@@ -20,7 +20,6 @@ from marker_tracker_node.detection.gate import (
     Gates,
     Picture,
     empty_gates,
-    gate_sides,
     seeking,
     several_colours,
 )
@@ -214,6 +213,4 @@ def _measure(
     out.below[k, n], out.above[k, n] = band.below, band.above
     if found.outcome == PARTLY:
         out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
-    else:
-        out.left[k, n], out.right[k, n] = gate_sides(gates, n)
     return found.outcome
