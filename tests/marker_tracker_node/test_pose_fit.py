@@ -234,7 +234,7 @@ def test_a_pose_wrong_by_its_belief_is_mended():
     for film, tracker, fit in refined(range(3001, 3007)):
         before.append(tracker.estimates()["theta"] - film.theta)
         after.append(fit.theta - film.theta)
-    # Poses below five deviations stay as they are: a quarter of the squared error may remain.
+    # Poses below four deviations stay as they are: a quarter of the squared error may remain.
     wrong, right = (np.nanmean(np.concatenate(part) ** 2) for part in (before, after))
     assert right < 0.25 * wrong
 

@@ -40,7 +40,7 @@ from marker_tracker_node.tracking.estimator.numbers import (
 
 FloatArray = NDArray[np.float64]
 
-# Inverse variance of what is taken as it is: a millionth.
+# Inverse variance of what is taken as it is, to a micrometre or a microradian.
 HELD = 1.0e12
 # Columns of sightings.
 MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, SLOPE = range(7)
