@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from marker_tracker_node.tracking.estimator.contradictions import contradictions
-from marker_tracker_node.tracking.estimator.numbers import NAMES, NUMBERS
+from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import LAP, MARKER, Problem, Seen
 from winding_core.machine.drive import DriveProfile
 from winding_verification.tracker.scenes import World
@@ -28,8 +28,6 @@ def test_derivatives_are_those_of_the_model() -> None:
     x[: len(NUMBERS)] = [0.3 * number.doubt * rng.normal() for number in NUMBERS]
     _, slopes = problem.linearised(x)
     for k in range(x.size):
-        if k < len(NAMES) and NAMES[k] == "band_width":
-            continue
         # Short enough that a reading between two samples of the encoder stays between them.
         step = np.where(np.arange(x.size) == k, 1.0e-6, 0.0)
         after, before = problem.linearised(x + step)[0], problem.linearised(x - step)[0]
@@ -75,6 +73,26 @@ def test_at_constant_speed_scale_and_times_are_named_together() -> None:
 def test_at_constant_speed_the_clock_is_unobservable_and_not_named() -> None:
     wrong = WrongNumber(number="camera_clock", size=0.01)
     assert contradictions(sightings(EVEN, (wrong,), 3)) == ()
+
+
+@pytest.mark.parametrize("size", [-0.45, 0.45])
+def test_a_band_width_beyond_the_sizes_that_are_measured_is_named(size: float) -> None:
+    seen = sightings(RAMPED, (WrongNumber(number="band_width", size=size),), 7)
+    # Bands beyond 0.87 to 1.2 of the expected area are no bands.
+    kept = replace(seen, area=float(np.clip(seen.area, math.log(0.87), math.log(1.2))))
+    (found,) = contradictions(kept)
+    assert "band_width" in found.names
+
+
+@pytest.mark.parametrize("number", ["encoder_scale", "frame_times"])
+@pytest.mark.parametrize("size", [-0.06, 0.08])
+def test_a_scale_is_found_where_each_marker_was_seen_once(number: str, size: float) -> None:
+    seen = sightings(RAMPED, (WrongNumber(number=number, size=size),), 7)
+    # The last marker was wound 30 rad late: with its wound angle as it was it would be 2 rad off.
+    once = replace(seen, rows=seen.rows[seen.rows[:, LAP] == 0])
+    found = contradictions(once)
+    assert found
+    assert number in found[0].names, found[0].sentence
 
 
 def test_outliers_neither_raise_nor_hide_a_contradiction() -> None:

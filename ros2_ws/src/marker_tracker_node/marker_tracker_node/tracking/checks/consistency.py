@@ -83,7 +83,7 @@ def _of_light(log: SightingLog, area: FloatArray) -> Contradiction | None:
     first, last = (log.laps[0, lap] for lap in (laps[0], laps[-1]))
     before, now = first.light / first.frames, last.light / last.frames
     found, areas = _found(log, laps[-1]), area[area > 0.0]
-    smaller = areas.size > 0 and float(np.median(np.log(areas))) < USUAL_AREA - AREA_SIGMA
+    smaller = areas.size > 0 and float(np.median(np.log(areas))) < USUAL_AREA - 2.0 * AREA_SIGMA
     if now >= _DARKER * before or (found >= _USUALLY_FOUND and not smaller):
         return None
     return Contradiction(

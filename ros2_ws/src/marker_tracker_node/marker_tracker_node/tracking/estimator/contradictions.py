@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from marker_tracker_node.tracking.estimator.mask_bias import IN_ANY_LIGHT
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import MARKER, Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import Explanation, judged
@@ -37,7 +38,7 @@ def contradictions(seen: Seen) -> tuple[Contradiction, ...]:
     """Return which configured numbers the sightings contradict; empty for a consistent run."""
     if not (seen.rows[:, MARKER] == 0).any():
         return ()
-    verdict = judged(Problem(seen))
+    verdict = judged(Problem(seen, IN_ANY_LIGHT))
     return tuple(_contradiction(group, verdict.explained) for group in verdict.wrong)
 
 

@@ -14,8 +14,8 @@ from winding_core.compiling import called, compiled
 FloatArray = NDArray[np.float64]
 
 # Columns of `band_pictures` after the picture itself: two of each.
-TILT, PLACE, AZIMUTH, HEIGHT, CYLINDER, CABLE = 2, 8, 14, 16, 18, 20
-_WIDTH = 22
+TILT, PLACE, AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH = 2, 8, 14, 16, 18, 20, 22
+_WIDTH = 24
 # Differences of the band model are taken over so much of the radius, and of a radian.
 _STEP = 1.0e-4
 # The visible half of a ring acts like a point this far out, in radii of the cable beyond its
@@ -39,14 +39,15 @@ def band_pictures(
         bands: Fields of `Band`, shape (k, 7).
 
     Returns:
-        Shape (k, 22): both coordinates; then, for both each, by tilt about three axes [1/rad], by
+        Shape (k, 24): both coordinates; then, for both each, by tilt about three axes [1/rad], by
         position along three axes [1/m], by azimuth [1/rad], z [1/m], and the logarithms of the
-        radii of cylinder and cable.
+        radii of cylinder and cable and of the band's width.
     """
     out = np.empty((bands.shape[0], _WIDTH))
     r, radius = body.cable_radius, body.rho - body.cable_radius
     wider = Body(body.rho + _STEP * radius, r, body.half_band, body.half_around)
     thicker = Body(body.rho + _STEP * r, r * (1.0 + _STEP), body.half_band, body.half_around)
+    longer = Body(body.rho, r, body.half_band * (1.0 + _STEP), body.half_around)
     for k in range(bands.shape[0]):
         row = bands[k]
         band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
@@ -57,6 +58,7 @@ def band_pictures(
         _by_difference(band_centroid(view, body, further), out[k], AZIMUTH)
         _by_difference(band_centroid(view, wider, band), out[k], CYLINDER)
         _by_difference(band_centroid(view, thicker, band), out[k], CABLE)
+        _by_difference(band_centroid(view, longer, band), out[k], BAND_WIDTH)
     return out
 
 

@@ -22,7 +22,13 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCa
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.estimator import pictures
-from marker_tracker_node.tracking.estimator.mask_bias import CUT_SCATTER, bias_shapes, cut_off
+from marker_tracker_node.tracking.estimator.mask_bias import (
+    COMMON,
+    CUT_SCATTER,
+    Sigmas,
+    bias_shapes,
+    cut_off,
+)
 from marker_tracker_node.tracking.estimator.numbers import (
     BAND,
     CABLE,
@@ -44,13 +50,16 @@ FloatArray = NDArray[np.float64]
 HELD = 1.0e12
 # Columns of sightings.
 MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, SLOPE = range(7)
-# Bands of consistent runs are 1 to 5 % smaller than they are, as their edges are mixed pixels.
-USUAL_AREA, AREA_SIGMA = -0.03, 0.03
+# Bands of consistent runs are up to 5 % smaller than they are, as their edges are mixed pixels, or
+# 5 % larger where they are blurred.
+USUAL_AREA, AREA_SIGMA = 0.0, 0.035
 # Laps of a marker that are explained, and sightings: what a long run costs does not grow with it.
 _FIRST_LAPS, _NEWEST_LAPS, _MOST_ROWS = 2, 4, 400
 # Bands that are seen from the side tell little: cosine of the largest azimuth.
 _FACING = 0.5
 _AREA_STEP = 0.01
+# A step of the fit may lead beyond this share of a number, where it has no logarithm.
+_LEAST = -0.95
 _AREA_AZIMUTHS = np.linspace(-0.9, 0.9, 7)
 # Least scatter of a sighting with what its neighbours share [px].
 _SCATTER = 0.1
@@ -104,8 +113,8 @@ class Problem:
         markers: Numbers of those that were seen, ascending.
     """
 
-    def __init__(self, seen: Seen) -> None:
-        """Take what was seen."""
+    def __init__(self, seen: Seen, common: Sigmas = COMMON) -> None:
+        """Take what was seen, and what the mask may have wrong in all of it."""
         rows = seen.rows
         self._seen = seen
         self.markers, self._index = np.unique(rows[:, MARKER].astype(int), return_inverse=True)
@@ -119,7 +128,7 @@ class Problem:
         view = seen.camera.view(seen.used)
         self._goal = pictures.band_pictures(view, seen.body, self._bands)[:, :2]
         cuts = cut_off(self._bands, seen.body.cable_radius)
-        self._bias, sigmas = bias_shapes(azimuth, self._index, cuts)
+        self._bias, sigmas = bias_shapes(azimuth, self._index, cuts, common)
         self.sigma = np.where(cuts[0] | cuts[1], math.hypot(_SCATTER, CUT_SCATTER), _SCATTER)
         self._since, self._from = seen.motion[0].tolist()
         self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
@@ -157,21 +166,16 @@ class Problem:
             Measured less explained picture, shape (k, 2) [px], and derivatives of what is
             explained, shape (k, 2, unknowns).
         """
-        seen, rows = self._seen, self._seen.rows
+        rows = self._seen.rows
+        turned, speed, at = self._motion(x)
         late, longer = 1.0 / (1.0 + x[SCALE]), 1.0 / (1.0 + x[TIMES])
-        at = self._since + (rows[:, TIME] - x[CLOCK] - self._since) * longer
-        times, angles = seen.motion[:, 0], seen.motion[:, 1]
-        theta = np.interp(at, times, angles)
-        speed = np.interp(at, times, self._speed)
-        early = np.minimum(at - times[0], 0.0) + np.maximum(at - times[-1], 0.0)
-        turned = (theta + speed * early - self._from) * late
         bands = self._bands.copy()
         bands[:, 0] = self._from + turned + x[ZERO] - x[COUNT + self._index]
         bands[:, 1] = x[self._first_z + self._index]
         found = pictures.band_pictures(self._view(x), self._body(x), bands)
         scale = self._focal / (1.0 + x[FOCAL])
         slopes = np.zeros((len(rows), 2, x.size))
-        pairs = found.reshape(len(rows), 11, 2) * scale
+        pairs = found.reshape(len(rows), 12, 2) * scale
 
         def by(column: int) -> FloatArray:
             return np.asarray(pairs[:, column // 2])
@@ -188,6 +192,7 @@ class Problem:
         slopes[:, :, FOCAL] = -by(0) / (1.0 + x[FOCAL])
         slopes[:, :, CYLINDER] = -by(pictures.CYLINDER) / (1.0 + x[CYLINDER])
         slopes[:, :, CABLE] = -by(pictures.CABLE) / (1.0 + x[CABLE])
+        slopes[:, :, BAND] = -by(pictures.BAND_WIDTH) / (1.0 + x[BAND])
         here = np.arange(len(rows))
         slopes[here, :, COUNT + self._index] = -azimuth
         slopes[here, :, self._first_z + self._index] = by(pictures.HEIGHT)
@@ -195,24 +200,45 @@ class Problem:
         explained = by(0) + self._bias @ x[self._first_bias :]
         return self._focal * self._goal - explained, slopes
 
+    def centred(self, x: FloatArray) -> FloatArray:
+        """Return unknowns with every marker but P0 where its sightings are explained best.
+
+        A scale turns late markers by more than a radian, which no small step follows.
+        """
+        x = x.copy()
+        wound = self._from + self._motion(x)[0] + x[ZERO] - self._bands[:, 0]
+        for i in range(int(self.markers[0] == 0), self.markers.size):
+            x[COUNT + i] = np.median(wound[self._index == i])
+        return x
+
+    def _motion(self, x: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return how far the cylinder had turned [rad], its speed [rad/s], and the time [s]."""
+        rows, motion = self._seen.rows, self._seen.motion
+        at = self._since + (rows[:, TIME] - x[CLOCK] - self._since) / (1.0 + x[TIMES])
+        times = motion[:, 0]
+        theta = np.interp(at, times, motion[:, 1])
+        speed = np.interp(at, times, self._speed)
+        early = np.minimum(at - times[0], 0.0) + np.maximum(at - times[-1], 0.0)
+        return (theta + speed * early - self._from) / (1.0 + x[SCALE]), speed, at
+
     def area(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Return what is left of the bands' area, and its derivatives; in deviations.
 
         Bands beyond the accepted sizes are not measured: of those at a limit the true size lies
-        beyond.
+        beyond, so that an estimate there is the least that is wrong.
         """
         slopes = np.zeros(x.size)
         share = self._seen.area
         if not math.isfinite(share):
             return 0.0, slopes
-        explained = float(self._by_area @ np.log1p(x[:COUNT])) + USUAL_AREA
+        explained = float(self._by_area @ np.log1p(np.maximum(x[:COUNT], _LEAST))) + USUAL_AREA
         left = (share - explained) / AREA_SIGMA
+        slopes[:COUNT] = self._by_area / (AREA_SIGMA * (1.0 + x[:COUNT]))
         smallest, largest = (math.log(limit) for limit in WHOLE_AREA)
         if (share < smallest + AREA_SIGMA and left > 0.0) or (
             share > largest - AREA_SIGMA and left < 0.0
         ):
-            return 0.0, slopes
-        slopes[:COUNT] = self._by_area / (AREA_SIGMA * (1.0 + x[:COUNT]))
+            left = 0.0
         return left, slopes
 
     def _view(self, x: FloatArray) -> CameraView:
@@ -223,7 +249,8 @@ class Problem:
         body = self._seen.body
         r = body.cable_radius / (1.0 + float(x[CABLE]))
         radius = (body.rho - body.cable_radius) / (1.0 + float(x[CYLINDER]))
-        return body._replace(rho=radius + r, cable_radius=r)
+        half = body.half_band / (1.0 + max(float(x[BAND]), _LEAST))
+        return body._replace(rho=radius + r, cable_radius=r, half_band=half)
 
 
 def _scatter(off: FloatArray, rows: FloatArray) -> float:
