@@ -16,7 +16,9 @@ from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
 from winding_core.compiling import called, compiled
 
 ALONG_NODES, ALONG_WEIGHTS = np.polynomial.legendre.leggauss(2)
-AROUND_NODES, AROUND_WEIGHTS = np.polynomial.legendre.leggauss(5)
+# The nodes around lie mirrored about their middle one: so the sines of two do for four.
+_AROUND = np.transpose(np.polynomial.legendre.leggauss(5)).tolist()
+(_, MIDDLE_WEIGHT), (INNER, INNER_WEIGHT), (OUTER, OUTER_WEIGHT) = _AROUND[2:]
 # A turn so many radii beside a band hides nothing of it, whatever the camera's side.
 HIDING_REACH = 3.0
 SOLVE_STEPS = 8
@@ -70,18 +72,45 @@ def centre_point(
     return rho * math.cos(azimuth), rho * math.sin(azimuth), z
 
 
+class Section(NamedTuple):
+    """A section across the cable: its centre [m], and the unit vector from there outwards."""
+
+    x: float
+    y: float
+    z: float
+    ex: float
+    ey: float
+
+
+@called
+def section_at(rho: float, azimuth: float, z: float) -> Section:  # pragma: no cover
+    """Return the section at an unwrapped azimuth [rad] and z [m]; see `centre_point`."""
+    if azimuth < 0.0:
+        return Section(rho, rho * azimuth, z, 1.0, 0.0)
+    ex, ey = math.cos(azimuth), math.sin(azimuth)
+    return Section(rho * ex, rho * ey, z, ex, ey)
+
+
+@called
+def point_around(
+    section: Section, tangential: float, axial: float, c: float, s: float
+) -> tuple[float, float, float]:  # pragma: no cover
+    """Return a lab point [m] that lies c [m] outwards and s [m] to the +z side of a section.
+
+    Tangential and axial are the parts of that side's unit vector, against the turn and along z.
+    """
+    x, y, z, ex, ey = section
+    return x + c * ex - s * tangential * ey, y + c * ey + s * tangential * ex, z + s * axial
+
+
 @called
 def surface_point(
     rho: float, r: float, azimuth: float, z: float, slope: float, psi: float
 ) -> tuple[float, float, float]:  # pragma: no cover
     """Return a lab point [m] of the cable's surface, psi around its section from outside to +z."""
     norm = math.hypot(rho, slope)
-    turn = max(azimuth, 0.0)
-    ex, ey = math.cos(turn), math.sin(turn)
-    tangential, axial = slope / norm, rho / norm
-    x, y, z = centre_point(rho, azimuth, z)
     c, s = r * math.cos(psi), r * math.sin(psi)
-    return x + c * ex - s * tangential * ey, y + c * ey + s * tangential * ex, z + s * axial
+    return point_around(section_at(rho, azimuth, z), slope / norm, rho / norm, c, s)
 
 
 @called
@@ -136,10 +165,8 @@ def band_centroid(
         way = 0.5 * (start + end + (end - start) * ALONG_NODES[node]) / norm
         turn = azimuth - way
         length = 0.5 * (end - start) * ALONG_WEIGHTS[node]
-        bend = max(turn, 0.0)
-        ex, ey = math.cos(bend), math.sin(bend)
+        cx, cy, cz, ex, ey = section_at(rho, turn, band.z + slope * way)
         bx, by, bz = -tangential * ey, tangential * ex, axial
-        cx, cy, cz = centre_point(rho, turn, band.z + slope * way)
         vx, vy, vz = view.x - cx, view.y - cy, view.z - cz
         along_e = vx * ex + vy * ey
         along_b = vx * bx + vy * by + vz * bz
@@ -148,20 +175,36 @@ def band_centroid(
         first, last = visible_arc(body, band, facing, reach)
         if last <= first:
             continue
+        # Seen from the camera the surface is its centre and so much of both directions.
+        rx, ry, rz = view.right_x, view.right_y, view.right_z
+        right = -(rx * vx + ry * vy + rz * vz)
+        right_e, right_b = r * (rx * ex + ry * ey), r * (rx * bx + ry * by + rz * bz)
+        dx, dy, dz = view.down_x, view.down_y, view.down_z
+        down = -(dx * vx + dy * vy + dz * vz)
+        down_e, down_b = r * (dx * ex + dy * ey), r * (dx * bx + dy * by + dz * bz)
+        fx, fy, fz = view.forward_x, view.forward_y, view.forward_z
+        forward = -(fx * vx + fy * vy + fz * vz)
+        forward_e, forward_b = r * (fx * ex + fy * ey), r * (fx * bx + fy * by + fz * bz)
+        # The outer side of the bend is longer than the centre line.
+        bent = r / rho if turn > 0.0 else 0.0
         middle, spread = 0.5 * (first + last), 0.5 * (last - first)
-        for j in range(AROUND_NODES.size):
-            psi = middle + spread * AROUND_NODES[j]
-            c, s = math.cos(psi), math.sin(psi)
-            nx, ny, nz = c * ex + s * bx, c * ey + s * by, s * bz
-            px, py, pz = cx + r * nx, cy + r * ny, cz + r * nz
-            wx, wy, wz = view.x - px, view.y - py, view.z - pz
-            a, b, depth = plane_of_point(view, px, py, pz)
-            # The outer side of the bend is longer than the centre line.
-            stretch = 1.0 + r * c / rho if turn > 0.0 else 1.0
-            facet = max(nx * wx + ny * wy + nz * wz, 0.0) * stretch / (depth * depth * depth)
-            weight = length * AROUND_WEIGHTS[j] * spread * facet
-            sum_a += weight * a
-            sum_b += weight * b
+        c_middle, s_middle = math.cos(middle), math.sin(middle)
+        c_inner, s_inner = math.cos(spread * INNER), math.sin(spread * INNER)
+        c_outer, s_outer = math.cos(spread * OUTER), math.sin(spread * OUTER)
+        for c_node, s_node, part_around in (
+            (c_outer, -s_outer, OUTER_WEIGHT),
+            (c_inner, -s_inner, INNER_WEIGHT),
+            (1.0, 0.0, MIDDLE_WEIGHT),
+            (c_inner, s_inner, INNER_WEIGHT),
+            (c_outer, s_outer, OUTER_WEIGHT),
+        ):
+            c = c_middle * c_node - s_middle * s_node
+            s = s_middle * c_node + c_middle * s_node
+            closeness = 1.0 / (forward + c * forward_e + s * forward_b)
+            facet = max(c * along_e + s * along_b - r, 0.0) * (1.0 + bent * c)
+            weight = length * part_around * spread * facet * closeness * closeness * closeness
+            sum_a += weight * closeness * (right + c * right_e + s * right_b)
+            sum_b += weight * closeness * (down + c * down_e + s * down_b)
             total += weight
     if total <= 0.0:
         return math.nan, math.nan, 0.0
@@ -174,9 +217,6 @@ def solve_band(
 ) -> tuple[float, float]:  # pragma: no cover
     """Return azimuth [rad] and z [m] of the band whose centroid appears at a plane point.
 
-    The offset between centroid and centre line changes slowly, so a fixed point on it converges;
-    from the second step on the secant of the last two takes the place of its slope.
-
     Args:
         view: The camera.
         body: What the band is painted on.
@@ -184,10 +224,37 @@ def solve_band(
         b: Measured plane coordinate, dimensionless.
         start: Where to start.
     """
+    seen_a, seen_b, _area = band_centroid(view, body, start)
+    return solve_seen_band(view, body, (a, b), start, (seen_a, seen_b))
+
+
+@called
+def solve_seen_band(
+    view: CameraView,
+    body: Body,
+    measured: tuple[float, float],
+    start: Band,
+    seen: tuple[float, float],
+) -> tuple[float, float]:  # pragma: no cover
+    """Return what `solve_band` does where it is known how the band to start from is seen.
+
+    The offset between centroid and centre line changes slowly, so a fixed point on it converges;
+    from the second step on the secant of the last two takes the place of its slope.
+
+    Args:
+        view: The camera.
+        body: What the band is painted on.
+        measured: Plane coordinates, dimensionless.
+        start: Where to start.
+        seen: Plane coordinates of its centroid, dimensionless.
+    """
     azimuth, z = start.azimuth, start.z
+    a, b = measured
+    seen_a, seen_b = seen
     step, before = 0.0, 0.0
-    for _ in range(SOLVE_STEPS):
-        seen_a, seen_b, _area = band_centroid(view, body, moved_band(start, azimuth, z))
+    for k in range(SOLVE_STEPS):
+        if k > 0:
+            seen_a, seen_b, _area = band_centroid(view, body, moved_band(start, azimuth, z))
         x, y, height = centre_point(body.rho, azimuth, z)
         line_a, line_b, _depth = plane_of_point(view, x, y, height)
         found, height = _back_project(

@@ -20,7 +20,13 @@ from marker_tracker_node.camera.pinhole import (
     plane_of_pixel,
     plane_of_point,
 )
-from marker_tracker_node.detection.band import Band, Body, solve_band, surface_point, visible_arc
+from marker_tracker_node.detection.band import (
+    Band,
+    Body,
+    solve_seen_band,
+    surface_point,
+    visible_arc,
+)
 from marker_tracker_node.detection.gate import (
     HIDDEN,
     MEASURED,
@@ -29,8 +35,8 @@ from marker_tracker_node.detection.gate import (
     Detection,
     Gates,
     Picture,
+    gate_columns,
     gate_moments,
-    strip,
     table_index,
 )
 from winding_core.compiling import called, compiled
@@ -152,27 +158,12 @@ def _rows(picture: Picture, gates: Gates, n: int) -> tuple[int, int]:  # pragma:
 
 
 @called
-def _columns(
-    picture: Picture, gates: Gates, n: int, dv: float
-) -> tuple[int, int]:  # pragma: no cover
-    """Return the first and the last column of gate n in the row `dv` below its centre."""
-    tu, tv, column = gates.along_u[n], gates.along_v[n], gates.column[n]
-    left, right = strip(-tv, tu * dv, gates.left[n], gates.right[n])
-    near, far = strip(tu, tv * dv, -gates.behind[n], gates.ahead[n])
-    last = picture.pixels.shape[1] - 1.0 - column
-    return (
-        math.ceil(column + max(left, near, -column)),
-        math.floor(column + min(right, far, last)),
-    )
-
-
-@called
 def _count_unknown(picture: Picture, gates: Gates, n: int) -> int:  # pragma: no cover
     """Return how many pixels of gate n may be marker or not."""
     unknown = 0
     top, bottom = _rows(picture, gates, n)
     for v in range(top, bottom + 1):
-        first, last = _columns(picture, gates, n, v - gates.row[n])
+        first, last = gate_columns(picture.pixels, gates, n, v - gates.row[n])
         line = picture.pixels[v]
         for u in range(first, last + 1):
             index = table_index(line[u, 0], line[u, 1], line[u, 2])
@@ -236,7 +227,7 @@ def _sum(
     top, bottom = _rows(picture, gates, n)
     for v in range(top, bottom + 1):
         dv = v - gates.row[n]
-        first, last = _columns(picture, gates, n, dv)
+        first, last = gate_columns(picture.pixels, gates, n, dv)
         line = picture.pixels[v]
         for u in range(first, last + 1):
             du = u - gates.column[n]
@@ -293,7 +284,7 @@ def measure(
         body: What the band is painted on.
         gates: Where to look.
         n: Which of them.
-        band: As expected.
+        band: As expected, of which the gate was predicted.
         pixels: That it should fill [px].
         area: Its usual share of them (dimensionless).
         limits: Least and most accepted share of the expected area.
@@ -318,7 +309,8 @@ def measure(
     if count < 4 or share < least or share > most:
         return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0, NO_IDENTITY)
     a, b = plane_of_pixel(view, column, row)
-    azimuth, z = solve_band(view, body, a, b, band)
+    seen = gates.seen_a[n], gates.seen_b[n]
+    azimuth, z = solve_seen_band(view, body, (a, b), band, seen)
     if not (math.isfinite(azimuth) and math.isfinite(z)):
         return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0, NO_IDENTITY)
     return Detection(

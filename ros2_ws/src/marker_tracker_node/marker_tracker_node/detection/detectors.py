@@ -7,20 +7,21 @@ number as identity, which then counts as evidence when markers are numbered.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable
 from typing import Any
 
 from marker_tracker_node.camera.pinhole import CameraView
+from marker_tracker_node.detection import colour_band
 from marker_tracker_node.detection.band import Band, Body
 from marker_tracker_node.detection.gate import Detection, Gates, Picture
 from winding_core.compiling import called
 from winding_core.markers import BAND, DOT
 
-# Modules of detectors by `marker_kind`.
+# Modules of detectors by `marker_kind`; named as modules, so that a change in one compiles anew
+# the kernels that reach it, see `compiling`.
 DETECTORS = {
-    BAND: "colour_band",
-    DOT: "colour_band",
+    BAND: colour_band,
+    DOT: colour_band,
 }
 _MODULES = tuple(dict.fromkeys(DETECTORS.values()))
 
@@ -38,9 +39,7 @@ def detector_number(kind: str) -> int:
 
 def _chosen(number: int) -> Any:
     """Return a function that calls the detector of a number or a later one; the last is sure."""
-    package = __name__.rpartition(".")[0]
-    measure: Callable[..., Detection]
-    measure = importlib.import_module(f"{package}.{_MODULES[number]}").measure
+    measure: Callable[..., Detection] = _MODULES[number].measure
     if number == len(_MODULES) - 1:
 
         @called

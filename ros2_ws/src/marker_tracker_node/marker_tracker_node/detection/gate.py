@@ -67,6 +67,8 @@ class Gates(NamedTuple):
     Across counts towards +z, to the right of a cable that runs up the image.
     """
 
+    seen_a: FloatArray  # Plane coordinates of the centre, dimensionless
+    seen_b: FloatArray
     column: FloatArray  # Of the centre [px]
     row: FloatArray  # Of the centre [px]
     along_u: FloatArray  # Column of the unit direction along the cable
@@ -84,6 +86,8 @@ class Gates(NamedTuple):
 def empty_gates(count: int) -> Gates:  # pragma: no cover
     """Return room for a number of gates."""
     return Gates(
+        seen_a=np.zeros(count),
+        seen_b=np.zeros(count),
         column=np.zeros(count),
         row=np.zeros(count),
         along_u=np.zeros(count),
@@ -122,9 +126,12 @@ def seeking(picture: Picture, colour: int) -> Picture:  # pragma: no cover
 def strip(
     slope: float, offset: float, low: float, high: float
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return between which x [pixels] a straight line slope x + offset stays within limits."""
+    """Return between which x [pixels] a straight line slope x + offset stays within limits.
+
+    A level line beyond them does so nowhere: then the first x lies behind the last.
+    """
     if abs(slope) < 1.0e-9:
-        return (-math.inf, math.inf) if low <= offset <= high else (math.inf, -math.inf)
+        return (-math.inf, math.inf) if low <= offset <= high else (1.0, -1.0)
     first, second = (low - offset) / slope, (high - offset) / slope
     return min(first, second), max(first, second)
 
@@ -163,6 +170,24 @@ def gate_moments(
     if count == 0:
         return 0, math.nan, math.nan
     return count, sum_column / count, sum_row / count
+
+
+@called
+def gate_columns(
+    pixels: ByteArray, gates: Gates, n: int, dv: float
+) -> tuple[int, int]:  # pragma: no cover
+    """Return the first and the last column of gate n in the row `dv` below its centre.
+
+    Its sides count as they are beside the centre, whatever their lean.
+    """
+    tu, tv, column = gates.along_u[n], gates.along_v[n], gates.column[n]
+    left, right = strip(-tv, tu * dv, gates.left[n], gates.right[n])
+    near, far = strip(tu, tv * dv, -gates.behind[n], gates.ahead[n])
+    last = pixels.shape[1] - 1.0 - column
+    return (
+        math.ceil(column + max(left, near, -column)),
+        math.floor(column + min(right, far, last)),
+    )
 
 
 @called

@@ -58,9 +58,9 @@ class Expected(NamedTuple):
 
 @called
 def empty_expected(count: int) -> Expected:  # pragma: no cover
-    """Return room for what is expected of a number of markers, all of them out of sight."""
+    """Return room for what is expected of a number of markers."""
     return Expected(
-        outcome=np.full(count, OUT_OF_SIGHT),
+        outcome=np.zeros(count, dtype=np.int64),
         near=np.zeros(count, dtype=np.bool_),
         pixels=np.zeros(count),
         touching=np.zeros(count, dtype=np.bool_),
@@ -99,6 +99,8 @@ def expect_bands(
     marks = cable.marks
     count = marks.known.size
     for n in range(count):
+        expected.outcome[n] = OUT_OF_SIGHT
+        expected.near[n] = expected.touching[n] = False
         if not marks.known[n]:
             continue
         theta, z = marks.recent[n], marks.height[n]

@@ -93,12 +93,14 @@ def update_burst(
         out: Receives what each frame yields, rows of SEEN, shape (k, markers).
     """
     setup, run, tracks = setup_of(fixed), run_rows[0], Tracks(marks, candidates, paths)
+    count = marks.size
+    gates, expected = empty_gates(count + 1), empty_expected(count)
     first = tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
     for k in range(frames.shape[0]):
         picture = Picture(frames[k], first, tables, colour_of)
         advance_machine(setup, run, paths, readings[0, k], readings[1, k], readings[2, k])
         judge_guide(setup, run, tracks.marks, paths)
-        _update_frame(picture, setup, run, readings[3, k], tracks, out, k)
+        _update_frame(picture, setup, run, readings[3, k], tracks, gates, expected, out, k)
         angle[k] = run.cylinder.angle
 
 
@@ -109,6 +111,8 @@ def _update_frame(
     run: Run,
     lead: float,
     tracks: Tracks,
+    gates: Gates,
+    expected: Expected,
     out: Output,
     k: int,
 ) -> None:  # pragma: no cover
@@ -120,6 +124,8 @@ def _update_frame(
         run: At the frame, as far as it is known without looking; written.
         lead: How much further P0 is expected [rad].
         tracks: Written in place.
+        gates: Room for those of the markers and for one more.
+        expected: Room for what is expected of the markers.
         out: Receives what the frame yields.
         k: Number of the frame.
     """
@@ -127,8 +133,6 @@ def _update_frame(
     cable = laid_cable(tracks, run)
     count = marks.known.size
     turned = cylinder.angle + run.shift
-    gates = empty_gates(count + 1)
-    expected = empty_expected(count)
     shutter = shutter_of(setup, cylinder.rate, picture.pixels.shape[0])
     expect_bands(picture, setup, shutter, cable, turned, lead, gates, expected)
     for n in range(count):

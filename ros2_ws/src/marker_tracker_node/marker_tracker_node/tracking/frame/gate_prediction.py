@@ -11,7 +11,14 @@ from marker_tracker_node.camera.pinhole import (
     pixels_per_metre,
     plane_of_point,
 )
-from marker_tracker_node.detection.band import Band, band_centroid, centre_point, surface_point
+from marker_tracker_node.detection.band import (
+    Band,
+    Section,
+    band_centroid,
+    centre_point,
+    point_around,
+    section_at,
+)
 from marker_tracker_node.detection.gate import (
     CLIPPED,
     HIDDEN,
@@ -35,71 +42,80 @@ GUARD_PIXELS = 1.5
 FAR_TURN = 1.0e-3
 
 
+class Ends(NamedTuple):
+    """Where a band ends along the cable, and the parts of a section's +z side as they lie there."""
+
+    front: Section
+    back: Section
+    tangential: float  # See `point_around`
+    axial: float
+
+
 @compiled
 def predict_gate(setup: Setup, band: Band, gates: Gates, n: int) -> float:  # pragma: no cover
     """Write the gate of a band to place n and return the pixels that the band should fill."""
     camera, body = setup.camera, setup.body
+    rho, r, slope = body.rho, body.cable_radius, band.slope
     a, b, area = band_centroid(camera, body, band)
-    gates.column[n], gates.row[n] = pixel_of_plane(camera, a, b)
-    way = body.half_band / math.hypot(body.rho, band.slope)
-    u1, v1, depth = _surface_pixel(setup, band, way)
-    u2, v2, _ = _surface_pixel(setup, band, -way)
+    column, row = pixel_of_plane(camera, a, b)
+    norm = math.hypot(rho, slope)
+    way = body.half_band / norm
+    ends = Ends(
+        section_at(rho, band.azimuth - way, band.z + slope * way),
+        section_at(rho, band.azimuth + way, band.z - slope * way),
+        slope / norm,
+        rho / norm,
+    )
+    u1, v1, depth = _pixel_around(setup, ends, ends.front, r, 0.0, 0.0)
+    u2, v2, _ = _pixel_around(setup, ends, ends.back, r, 0.0, 0.0)
     length = math.hypot(u1 - u2, v1 - v2)
-    gates.along_u[n], gates.along_v[n] = (u1 - u2) / length, (v1 - v2) / length
-    half = 0.5 * length
-    gates.half_band[n] = half
+    tu, tv, half = (u1 - u2) / length, (v1 - v2) / length, 0.5 * length
     scale = pixels_per_metre(camera, depth)
     # Seen from the side a ring is an ellipse: its edges lie behind the centroid by this much.
-    behind = RING_DEPTH * body.cable_radius * math.sin(max(band.azimuth, 0.0))
+    behind = RING_DEPTH * r * math.sin(max(band.azimuth, 0.0))
+    span = (r + setup.across_margin) * scale
+    gates.seen_a[n], gates.seen_b[n], gates.column[n], gates.row[n] = a, b, column, row
+    gates.along_u[n], gates.along_v[n], gates.half_band[n] = tu, tv, half
     gates.ahead[n] = half + (setup.along_margin + max(behind, 0.0)) * scale
     gates.behind[n] = half + (setup.along_margin + max(-behind, 0.0)) * scale
-    span = (body.cable_radius + setup.across_margin) * scale
-    low, lean = _territory_edge(setup, band, band.low, -band.below, gates, n)
+    low, lean = _territory_edge(setup, ends, band.low, -band.below, (column, row, tu, tv))
     gates.left[n], gates.left_lean[n] = (low, lean) if low > -span else (-span, 0.0)
-    high, lean = _territory_edge(setup, band, band.high, band.above, gates, n)
+    high, lean = _territory_edge(setup, ends, band.high, band.above, (column, row, tu, tv))
     gates.right[n], gates.right_lean[n] = (high, lean) if high < span else (span, 0.0)
     return float(area * camera.fx * camera.fy / (camera.binning * camera.binning))
 
 
 @called
-def _surface_pixel(
-    setup: Setup, band: Band, way: float
+def _pixel_around(
+    setup: Setup, ends: Ends, section: Section, c: float, s: float, beside: float
 ) -> tuple[float, float, float]:  # pragma: no cover
-    """Return column, row [px] and depth [m] of the outside of the cable, `way` before a band."""
-    rho, r = setup.body.rho, setup.body.cable_radius
-    x, y, z = surface_point(rho, r, band.azimuth - way, band.z + band.slope * way, band.slope, 0.0)
-    a, b, depth = plane_of_point(setup.camera, x, y, z)
+    """Return column, row [px] and depth [m] of a point around a section, `beside` it along z."""
+    x, y, z = point_around(section, ends.tangential, ends.axial, c, s)
+    a, b, depth = plane_of_point(setup.camera, x, y, z + beside)
     u, v = pixel_of_plane(setup.camera, a, b)
     return u, v, depth
 
 
 @called
 def _territory_edge(
-    setup: Setup, band: Band, psi: float, distance: float, gates: Gates, n: int
+    setup: Setup, ends: Ends, psi: float, distance: float, axes: tuple[float, float, float, float]
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return where across gate n the band's territory ends [px], and its change along the gate.
+    """Return where across a gate the band's territory ends [px], and its change along the gate.
 
-    That is where the band is cut off, or half way to a turn that does not reach it.
+    That is where the band is cut off, or half way to a turn that does not reach it. Axes are the
+    column and row of the gate's centre and its direction along the cable.
     """
-    bounded = abs(psi) < math.pi
-    rho, r = setup.body.rho, setup.body.cable_radius
-    if not bounded and abs(distance) > 2.0 * (r + setup.across_margin + FAR_TURN):
+    r = setup.body.cable_radius
+    c, s, beside = 0.0, 0.0, 0.5 * distance
+    if abs(psi) < math.pi:
+        c, s, beside = r * math.cos(psi), r * math.sin(psi), 0.0
+    elif abs(distance) > 2.0 * (r + setup.across_margin + FAR_TURN):
         return math.copysign(math.inf, distance), 0.0
-    reach = setup.body.half_band / math.hypot(rho, band.slope)
-    along_0, across_0, along_1, across_1 = 0.0, 0.0, 0.0, 0.0
-    for end in range(2):
-        way = (2.0 * end - 1.0) * reach
-        azimuth, z = band.azimuth - way, band.z + band.slope * way
-        if bounded:
-            x, y, z = surface_point(rho, r, azimuth, z, band.slope, psi)
-        else:
-            x, y, z = centre_point(rho, azimuth, z + 0.5 * distance)
-        a, b, _depth = plane_of_point(setup.camera, x, y, z)
-        u, v = pixel_of_plane(setup.camera, a, b)
-        du, dv = u - gates.column[n], v - gates.row[n]
-        along_0, across_0 = along_1, across_1
-        along_1 = du * gates.along_u[n] + dv * gates.along_v[n]
-        across_1 = gates.along_u[n] * dv - gates.along_v[n] * du
+    column, row, tu, tv = axes
+    u, v, _depth = _pixel_around(setup, ends, ends.back, c, s, beside)
+    along_0, across_0 = (u - column) * tu + (v - row) * tv, tu * (v - row) - tv * (u - column)
+    u, v, _depth = _pixel_around(setup, ends, ends.front, c, s, beside)
+    along_1, across_1 = (u - column) * tu + (v - row) * tv, tu * (v - row) - tv * (u - column)
     lean = (across_1 - across_0) / (along_1 - along_0)
     return across_0 - lean * along_0, lean
 
