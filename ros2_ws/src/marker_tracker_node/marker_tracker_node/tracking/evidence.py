@@ -9,15 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band
-from marker_tracker_node.detection.gate import empty_gates, in_gate, table_index
+from marker_tracker_node.detection.gate import Gates, empty_gates, gate_columns, table_index
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.state import (
+    PATH_SIZE,
     PATH_STEP,
     Burst,
     FixedNumbers,
+    FlagArray,
+    IndexArray,
     Rows,
     Setup,
     TrackerState,
+    by_field,
+    record_dtype,
     setup_of,
 )
 from winding_core.compiling import called, compiled
@@ -38,6 +43,8 @@ _QUARTER = _ROWS // 4
 _COLUMNS = ("marker", "lap", "t", "angle", "azimuth")
 # Of a sighting that are kept as they are in `Output`.
 _AS_SEEN = ("seen_height", "slope", "low", "high", "below", "above")
+# Columns of `_passings`: those and two more.
+_PASSING = len(_COLUMNS) + len(_AS_SEEN) + 2
 # Every so many rows and columns of a picture show how bright it is.
 _LIGHT_STRIDE = 16
 
@@ -58,6 +65,8 @@ _AREA = (0.5, 1.5)
 _LAPS, _MOST_OF_GAP = 2, 0.3
 # A place is looked at in so many laps.
 _LOOKS = 3
+# Cable is expected no farther.
+_PLACES = int(PATH_SIZE * PATH_STEP / _GRID)
 
 
 @dataclass
@@ -96,41 +105,29 @@ class SightingLog:
         """The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad]."""
         return self._motion.values
 
-    def add(self, frame: ByteArray, t: float, reading: float, out: Burst, k: int) -> None:
-        """Take a frame.
+    def take(self, frames: ByteArray, kept: IndexArray, readings: FloatArray, out: Burst) -> None:
+        """Take some frames of a burst.
 
         Args:
-            frame: Shape (rows, columns, 3).
-            t: [s]
-            reading: Of the encoder [rad], nan where missing.
-            out: What frames yielded.
-            k: Which of them this one is.
+            frames: Shape (k, rows, columns, 3).
+            kept: Numbers of those that are taken, shape (n,).
+            readings: See `update_burst`; a frame without the encoder's is not taken.
+            out: What the frames yielded.
         """
-        if math.isnan(reading):
+        motion, passings = _passings(frames, kept, readings, out.angle, out.rows)
+        self._motion.add(motion)
+        if not len(passings):
             return
-        angle = float(out.angle[k])
-        self._motion.add((t, angle))
-        light: float | None = None
-        rows = out.rows[k]
-        wound, flags = rows["theta"].tolist(), rows["marker_flags"].tolist()
-        for n, measured in enumerate(rows["azimuth"].tolist()):
-            seen, azimuth = not math.isnan(measured), measured
-            if not seen:
-                if not flags[n] & _OCCLUDED:
-                    continue
-                azimuth = angle - wound[n]
-            number = round(azimuth / _TURN)
-            lap = self.laps.setdefault((n, number), Lap())
-            if light is None:
-                shown = frame[::_LIGHT_STRIDE, ::_LIGHT_STRIDE]
-                light = int(shown.sum()) / shown.size
+        for n, number, missed, light in passings[:, [0, 1, -2, -1]].tolist():
+            place = int(n), int(number)
+            if (lap := self.laps.get(place)) is None:
+                lap = self.laps[place] = Lap()
             lap.light += light
-            if seen:
-                lap.measured += 1
-                rest = (float(rows[name][n]) for name in _AS_SEEN)
-                self._rows.add((n, number, t, angle, azimuth - _TURN * number, *rest))
-            else:
+            if missed:
                 lap.missed += 1
+            else:
+                lap.measured += 1
+        self._rows.add(passings[passings[:, -2] == 0.0, :-2])
 
 
 class _Table:
@@ -145,81 +142,68 @@ class _Table:
         """The rows, as a view."""
         return self._values[: self._count]
 
-    def add(self, row: tuple[float, ...]) -> None:
-        """Take a row."""
-        if self._count == _ROWS:
-            self._values[_QUARTER : 2 * _QUARTER] = self._values[-_QUARTER:]
-            self._count = 2 * _QUARTER
-        self._values[self._count] = row
-        self._count += 1
+    def add(self, rows: FloatArray) -> None:
+        """Take rows, shape (n, columns)."""
+        while len(rows):
+            if self._count == _ROWS:
+                self._values[_QUARTER : 2 * _QUARTER] = self._values[-_QUARTER:]
+                self._count = 2 * _QUARTER
+            taken, rows = rows[: _ROWS - self._count], rows[_ROWS - self._count :]
+            self._values[self._count : self._count + len(taken)] = taken
+            self._count += len(taken)
+
+
+class Looks:
+    """Of places that were looked at, arrays of shape (places, _LOOKS)."""
+
+    lap: IndexArray  # In which that was; -1 where it was not
+    number: IndexArray  # Of the marker before the place; -1 where a marker lies beside it
+    there: FlagArray  # Whether a band was there
 
 
 class UnnumberedBands:
     """Looks for bands between known neighbours: with too large a spacing they get no number."""
 
     def __init__(self) -> None:
-        self._looked: dict[int, set[int]] = {}
-        self._looks: dict[int, int] = {}
-        self._there: dict[tuple[int, int], set[int]] = {}
-        self._places: dict[int, set[int]] = {}
+        self._looks = np.zeros((_PLACES, _LOOKS), dtype=record_dtype(Looks))
+        self._looks["lap"] = -1
+        self._looks["number"] = -1
 
     @property
     def found(self) -> tuple[int, ...]:
         """Numbers of the markers after which such a band lies."""
-        markers = []
-        for n, looked in self._places.items():
-            there = {place for number, place in self._there if number == n}
-            if len(there) > max(_MOST_OF_GAP * len(looked), 3):
+        looks, markers = by_field(self._looks, Looks), []
+        for n in np.unique(looks.number[looks.number >= 0]).tolist():
+            mine = looks.number == n
+            there = mine & looks.there
+            places = np.flatnonzero(there.any(axis=1))
+            if len(places) > max(_MOST_OF_GAP * np.count_nonzero(mine.any(axis=1)), 3):
                 continue
-            nothing: set[int] = set()
-            if any(
-                len(self._there[n, place] | self._there.get((n, place + 1), nothing)) >= _LAPS
-                for place in there
-            ):
+            both = (slice(place, place + 2) for place in places)
+            if any(len(set(looks.lap[two][there[two]].tolist())) >= _LAPS for two in both):
                 markers.append(n)
-        return tuple(sorted(markers))
+        return tuple(markers)
 
     def look(
         self,
-        frame: ByteArray,
+        frames: ByteArray,
+        kept: IndexArray,
         table: ByteArray,
         fixed: FixedNumbers,
         state: TrackerState,
-        turned: float,
+        turned: FloatArray,
     ) -> None:
-        """Look at a frame.
+        """Look at some frames of a burst.
 
         Args:
-            frame: Shape (rows, columns, 3).
+            frames: Shape (k, rows, columns, 3).
+            kept: Numbers of those that are looked at, shape (n,).
             table: Colours of the markers, see `Picture`.
             fixed: See `fixed_numbers`.
             state: Of the tracker.
-            turned: Cylinder angle as the camera sees it [rad].
+            turned: Cylinder angles as the camera sees it [rad], shape (k,).
         """
-        marks = state.mark_rows
-        wound, known = marks["theta"].tolist(), marks["known"].tolist()
-        pairs = zip(wound, wound[1:], known, known[1:], strict=False)
-        gaps = [(first, last) for first, last, *both in pairs if all(both)]
-        # A gap is known once its second marker has landed, and looked at in the laps after that.
-        widest = max((last - first for first, last in gaps), default=0.0)
-        laps = math.floor(min(turned, widest + _TURN * (_LOOKS + 3)) / _TURN)
-        for lap in range(1 + max(laps, -1)):
-            place = math.floor((turned - _TURN * lap - _AHEAD) / _GRID)
-            looked = self._looked.setdefault(lap, set())
-            if place < 0 or place in looked or self._looks.get(place, 0) == _LOOKS:
-                continue
-            theta = place * _GRID
-            if not any(first + _BESIDE < theta < last - _BESIDE for first, last in gaps):
-                continue
-            n, share = _band_share(frame, table, fixed, marks, state.path, theta, turned - theta)
-            looked.add(place)
-            self._looks[place] = self._looks.get(place, 0) + 1
-            if math.isinf(share):
-                continue
-            self._places.setdefault(n, set()).add(place)
-            least, most = _AREA
-            if least <= share <= most:
-                self._there.setdefault((n, place), set()).add(lap)
+        _look_between(frames, kept, table, fixed, state.mark_rows, state.path, turned, self._looks)
 
 
 class RunEvidence:
@@ -254,44 +238,155 @@ class RunEvidence:
             readings: See `update_burst`.
             out: What the frames yielded.
         """
+        taken = []
         for k, t in enumerate(readings[0].tolist()):
             if t - self._taken < _PERIOD:
                 continue
             self._taken = t
-            self.log.add(frames[k], t, float(readings[1, k]), out, k)
-            turned = float(out.angle[k]) + state.shift
-            self.unnumbered.look(frames[k], table, fixed, state, turned)
+            taken.append(k)
+        if taken:
+            kept = np.array(taken)
+            self.log.take(frames, kept, readings, out)
+            self.unnumbered.look(frames, kept, table, fixed, state, out.angle + state.shift)
 
 
 @compiled
-def _band_share(
-    pixels: ByteArray,
+def _passings(
+    frames: ByteArray, kept: IndexArray, readings: FloatArray, angles: FloatArray, rows: Rows
+) -> tuple[FloatArray, FloatArray]:  # pragma: no cover
+    """Return what some frames of a burst show of markers that pass the camera.
+
+    Args:
+        frames: Shape (k, rows, columns, 3).
+        kept: Numbers of those that count, shape (n,).
+        readings: See `update_burst`; a frame without the encoder's does not count.
+        angles: Of the cylinder [rad], shape (k,).
+        rows: Of SEEN, shape (k, markers).
+
+    Returns:
+        See `SightingLog.motion`, shape (m, 2); and `SightingLog.sightings`, then whether the
+        marker was in sight and not found, and the mean grey level of the frame, shape (n, 13).
+    """
+    motion, count = np.empty((kept.size, 2)), 0
+    found, passings = np.empty((kept.size * rows.shape[1], _PASSING)), 0
+    for k in kept:
+        if math.isnan(readings[1, k]):
+            continue
+        motion[count, 0], motion[count, 1] = readings[0, k], angles[k]
+        count += 1
+        light = math.nan
+        for n in range(rows.shape[1]):
+            row, azimuth = rows[k, n], rows[k, n].azimuth
+            missed = math.isnan(azimuth)
+            if missed:
+                if not row.marker_flags & _OCCLUDED:
+                    continue
+                azimuth = angles[k] - row.theta
+            if math.isnan(light):
+                light = _grey_level(frames[k])
+            lap = round(azimuth / _TURN)
+            one = found[passings]
+            one[0], one[1], one[2], one[3] = n, lap, readings[0, k], angles[k]
+            one[4], one[5], one[6] = azimuth - _TURN * lap, row.seen_height, row.slope
+            one[7], one[8], one[9], one[10] = row.low, row.high, row.below, row.above
+            one[11], one[12] = missed, light
+            passings += 1
+    return motion[:count], found[:passings]
+
+
+@called
+def _grey_level(pixels: ByteArray) -> float:  # pragma: no cover
+    """Return how bright a frame of shape (rows, columns, 3) is."""
+    shown = pixels[::_LIGHT_STRIDE, ::_LIGHT_STRIDE]
+    total = 0
+    for v in range(shown.shape[0]):
+        for u in range(shown.shape[1]):
+            total += shown[v, u, 0] + shown[v, u, 1] + shown[v, u, 2]
+    return float(total / shown.size)
+
+
+@compiled
+def _look_between(
+    frames: ByteArray,
+    kept: IndexArray,
     table: ByteArray,
     fixed: FixedNumbers,
     marks: Rows,
     path: FloatArray,
-    theta: float,
-    azimuth: float,
-) -> tuple[int, float]:  # pragma: no cover
-    """Return the marker before a wound angle, and how much of a band there has its colour.
+    turned: FloatArray,
+    looks: Rows,
+) -> None:  # pragma: no cover
+    """Look at the places between known neighbours that some frames of a burst show.
 
     Args:
-        pixels: Shape (rows, columns, 3).
+        frames: Shape (k, rows, columns, 3).
+        kept: Numbers of those that are looked at, shape (n,).
         table: See `Picture`.
         fixed: See `fixed_numbers`.
         marks: Of MARK, shape (markers,).
         path: See `TrackerState` [m], shape (PATH_SIZE,).
+        turned: Cylinder angles as the camera sees it [rad], shape (k,).
+        looks: Of `Looks`, shape (places, _LOOKS); written.
+    """
+    setup, gates = setup_of(fixed), empty_gates(1)
+    least, most = _AREA
+    # A gap is known once its second marker has landed, and looked at in the laps after that.
+    widest = 0.0
+    for n in range(marks.size - 1):
+        if marks[n].known and marks[n + 1].known:
+            widest = max(widest, marks[n + 1].theta - marks[n].theta)
+    for k in kept:
+        laps = math.floor(min(turned[k], widest + _TURN * (_LOOKS + 3)) / _TURN)
+        for lap in range(1 + max(laps, -1)):
+            place = math.floor((turned[k] - _TURN * lap - _AHEAD) / _GRID)
+            if not 0 <= place < looks.shape[0]:
+                continue
+            theta = place * _GRID
+            n = _marker_before(marks, theta)
+            if n < 0:
+                continue
+            look = 0
+            while look < _LOOKS and looks[place, look].lap not in (-1, lap):
+                look += 1
+            if look == _LOOKS or looks[place, look].lap == lap:
+                continue
+            looks[place, look].lap = lap
+            azimuth = turned[k] - theta
+            share = _band_share(frames[k], table, setup, marks, n, path, theta, azimuth, gates)
+            if not math.isinf(share):
+                looks[place, look].number = n
+                looks[place, look].there = least <= share <= most
+
+
+@called
+def _band_share(
+    pixels: ByteArray,
+    table: ByteArray,
+    setup: Setup,
+    marks: Rows,
+    n: int,
+    path: FloatArray,
+    theta: float,
+    azimuth: float,
+    gates: Gates,
+) -> float:  # pragma: no cover
+    """Return how much of a band at a wound angle behind marker n has the markers' colour.
+
+    Args:
+        pixels: Shape (rows, columns, 3).
+        table: See `Picture`.
+        setup: Machine and camera.
+        marks: Of MARK, shape (markers,).
+        n: Number of the marker.
+        path: See `TrackerState` [m], shape (PATH_SIZE,).
         theta: [rad]
         azimuth: [rad]
+        gates: Room for one.
 
     Returns:
-        Number of the marker, or -1 where none and its neighbour behind it are known; the share of
-        the area that a band there would have: nan outside of the picture, inf beside a marker.
+        The share of the area that a band there would have: nan outside of the picture, inf beside
+        a marker.
     """
-    setup = setup_of(fixed)
-    n = _marker_before(marks, theta)
-    if n < 0:
-        return n, math.nan
     before, behind = marks[n], marks[n + 1]
     share = (theta - before.theta) / (behind.theta - before.theta)
     first = before.height - _path_at(path, before.theta)
@@ -304,9 +399,9 @@ def _band_share(
         away = marks[m].theta - theta
         away -= _TURN * round(away / _TURN)
         if marks[m].known and abs(away) < _BESIDE and abs(marks[m].height - z) < reach:
-            return n, math.inf
+            return math.inf
     band = Band(azimuth, z, slope, -math.pi, math.pi, math.inf, math.inf)
-    return n, _filled(pixels, table, setup, band)
+    return _filled(pixels, table, setup, band, gates)
 
 
 @called
@@ -329,10 +424,9 @@ def _path_at(path: FloatArray, theta: float) -> float:  # pragma: no cover
 
 @called
 def _filled(
-    pixels: ByteArray, table: ByteArray, setup: Setup, band: Band
+    pixels: ByteArray, table: ByteArray, setup: Setup, band: Band, gates: Gates
 ) -> float:  # pragma: no cover
     """Return the share of a band's expected area that has the markers' colour; nan outside."""
-    gates = empty_gates(1)
     expected = predict_gate(setup, band, gates, 0)
     gates.ahead[0] *= _ROOM
     gates.behind[0] *= _ROOM
@@ -344,11 +438,10 @@ def _filled(
         return math.nan
     length, breadth = max(gates.ahead[0], gates.behind[0]), max(-gates.left[0], gates.right[0])
     wide, high = length * abs(u) + breadth * abs(v), length * abs(v) + breadth * abs(u)
-    top, bottom = max(math.floor(row - high), 0), min(math.ceil(row + high), height - 1)
-    left, right = max(math.floor(column - wide), 0), min(math.ceil(column + wide), width - 1)
+    left, top = max(math.floor(column - wide), 0), max(math.floor(row - high), 0)
     marked = 0
-    for y in range(top, bottom + 1, _BAND_STRIDE):
-        for x in range(left, right + 1, _BAND_STRIDE):
-            if in_gate(gates, 0, float(x), float(y)):
-                marked += table[table_index(pixels[y, x, 0], pixels[y, x, 1], pixels[y, x, 2])]
+    for y in range(top, min(math.ceil(row + high), height - 1) + 1, _BAND_STRIDE):
+        first, last = gate_columns(pixels, gates, 0, y - row)
+        for x in range(first + (left - first) % _BAND_STRIDE, last + 1, _BAND_STRIDE):
+            marked += table[table_index(pixels[y, x, 0], pixels[y, x, 1], pixels[y, x, 2])]
     return float(_BAND_STRIDE * _BAND_STRIDE * marked / expected)

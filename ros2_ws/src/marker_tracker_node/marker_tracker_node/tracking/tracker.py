@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.band import Band, solve_band
 from marker_tracker_node.detection.colour import ColourModel
-from marker_tracker_node.detection.gate import TABLE_SIZE, empty_gates
+from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.checks.consistency import RunChecks
 from marker_tracker_node.tracking.checks.lay_check import guide_doubt, missing_markers
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.pictures import band_pictures
 from marker_tracker_node.tracking.estimator.problem import Seen
-from marker_tracker_node.tracking.evidence import RunEvidence, UnnumberedBands
+from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.frame.frame_update import update_burst
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.frame.run_means import mean_variances
@@ -371,13 +371,5 @@ def warm_up(config: TrackerConfig) -> None:
     Tracker(config, camera).track(frame, 0.0, 0.0, 0.0)
     setup = config.setup(camera.view(config.pose))
     band_pictures(setup.camera, setup.body, np.zeros((1, 7)))
-    # P0's place and what lies between markers are asked from Python, once they are in sight.
+    # P0's place is asked from Python, once it is in sight.
     predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), empty_gates(1), 0)
-    frame.flags.writeable = False
-    UnnumberedBands().look(
-        frame,
-        np.zeros(TABLE_SIZE, dtype=np.uint8),
-        fixed_numbers(setup),
-        TrackerState.fresh(config.marker_count),
-        1.0,
-    )
