@@ -25,8 +25,8 @@ from winding_rig_node.camera import CameraConfig
 UNSEEN = 48
 BEGIN, RATE = 14.91, 100.0
 ROUNDS = 5
-# Measured 0.82 to 0.86 where all five markers are in sight, 0.16 to 0.18 and 3.2 to 3.9 in a burst,
-# each in three sessions on two shared cores; the rest is for other processors.
+# Measured 0.40 to 0.41 where all five markers are in sight, 0.19 to 0.20 and 5.1 to 6.0 in a burst,
+# each in five sessions on two shared cores; the rest is for other processors.
 FRAME_OVER_CLASSIC = 1.2
 BURST_OVER_CLASSIC = 0.4
 BURST_OVER_READING = 6.0
