@@ -158,14 +158,15 @@ def gate_moments(
         near, far = strip(tu, tv * dv, -behind, ahead)
         first = math.ceil(column + max(min(left, right), near, -column))
         last = math.floor(column + min(max(left, right), far, columns - 1.0 - column))
-        line = picture.pixels[v]
+        # Indices into a part of the row are not asked whether they count from its end.
+        line = picture.pixels[v, first : max(first, last + 1)]
         hits, place = 0, 0
-        for u in range(first, last + 1):
+        for u in range(line.shape[0]):
             hit = picture.table[table_index(line[u, 0], line[u, 1], line[u, 2])]
             hits += hit
             place += hit * u
         count += hits
-        sum_column += place
+        sum_column += place + hits * first
         sum_row += hits * v
     if count == 0:
         return 0, math.nan, math.nan

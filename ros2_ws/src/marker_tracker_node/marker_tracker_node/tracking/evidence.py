@@ -442,6 +442,8 @@ def _filled(
     marked = 0
     for y in range(top, min(math.ceil(row + high), height - 1) + 1, _BAND_STRIDE):
         first, last = gate_columns(pixels, gates, 0, y - row)
-        for x in range(first + (left - first) % _BAND_STRIDE, last + 1, _BAND_STRIDE):
-            marked += table[table_index(pixels[y, x, 0], pixels[y, x, 1], pixels[y, x, 2])]
+        first += (left - first) % _BAND_STRIDE
+        line = pixels[y, first : max(first, last + 1) : _BAND_STRIDE]
+        for x in range(line.shape[0]):
+            marked += table[table_index(line[x, 0], line[x, 1], line[x, 2])]
     return float(_BAND_STRIDE * _BAND_STRIDE * marked / expected)
