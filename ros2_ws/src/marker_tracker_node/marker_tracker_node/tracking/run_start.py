@@ -91,7 +91,7 @@ class RunStart:
         if math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
             self._looked = angle
             void = not self._proven and self._look(frame, setup, angle, guide)
-            void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle)
+            void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle, guide)
         if self.colour is not None:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
         return void
@@ -163,8 +163,9 @@ class RunStart:
         self._proven = self.colour is not None and far
         return False
 
-    def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float) -> bool:
-        doubt = self._misplaced.add(frame, setup, angle, followed=self._followed)
+    def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+        followed = -self.origin if self._followed else math.nan
+        doubt = self._misplaced.add(frame, setup, angle, guide, followed=followed)
         return bool(doubt) and self._withdraw(doubt)
 
     def _withdraw(self, doubt: str) -> bool:

@@ -21,6 +21,10 @@ ERRORS = tuple(1.6 * SEARCH_REACH * step for step in (-2, -1, 1, 2))
 ONE_LAP, TWO_LAPS = 1.2 * TURN, 2.4 * TURN
 # A pass is looked at so often [rad].
 LOOK_STEP = 0.1
+# Markers before another lie one or two gaps ahead of it, within this [rad].
+BELIEVED = 0.4
+# A guide that went back by more does not lay the first marker lowest [m].
+GOES_BACK = 1.0e-3
 
 
 class MisplacedCamera:
@@ -34,46 +38,60 @@ class MisplacedCamera:
         """Start with nothing seen."""
         # The first marker lies lowest where the feed leads upwards.
         self.done = config.advance_per_radian <= 0.0
+        self._gap = config.expected_gap
         self._searches = {
             (axis, error): BandSearch(config) for axis in ("z", "y") for error in ERRORS
         }
         # Error of the camera's place [m] with which P0 was found.
         self._found: dict[tuple[str, float], float] = {}
-        self._begun = self._looked = math.nan
+        self._begun = self._looked = self._guide = math.nan
 
-    def add(self, frame: ByteArray, setup: Setup, angle: float, *, followed: bool) -> str:
+    def add(
+        self, frame: ByteArray, setup: Setup, angle: float, guide: float, *, followed: float
+    ) -> str:
         """Take a frame; return where the camera may stand, empty while that is not known.
 
         Args:
             frame: Shape (rows, columns, 3).
             setup: Machine and camera.
             angle: Reading of the encoder [rad].
-            followed: Whether something is followed as P0 already, which may be a later marker.
+            guide: Its position [m]; nan where it is missing.
+            followed: Azimuth less angle of what is followed as P0 already, which may be a later
+                marker [rad]; nan if nothing is.
         """
         if abs(angle - self._looked) < LOOK_STEP:
             return ""
         self._looked = angle
         if math.isnan(self._begun):
-            self._begun = angle
+            self._begun, self._guide = angle, guide
         way = abs(angle - self._begun)
-        self.done = way > TWO_LAPS
+        # A guide that goes back lays later markers below the first.
+        self.done = way > TWO_LAPS or guide < self._guide - GOES_BACK
+        if self.done:
+            return ""
         view = setup.camera
+        something = math.isfinite(followed)
         for (axis, error), search in self._searches.items():
-            if followed and (axis == "y" or error > 0.0):
+            if something and (axis == "y" or error > 0.0):
                 continue
             moved = view._replace(**{axis: getattr(view, axis) - error})
             band = search.add(frame, setup._replace(camera=moved), angle)
-            if band is not None:
+            if band is not None and not (something and self._strange(band.offset - followed)):
                 self._found[axis, error] = error + (band.z if axis == "z" else 0.0)
         along = min((error for (axis, _), error in self._found.items() if axis == "z"), default=0.0)
-        if followed:
+        if something:
             return _sentence(along, setup, "along the axis", "y") if along < -SEARCH_REACH else ""
-        if way < ONE_LAP or self.done or not self._found:
+        if way < ONE_LAP or not self._found:
             return ""
         if along:
             return _sentence(along, setup, "along the axis", "y")
         heights = [error for (axis, _), error in self._found.items() if axis == "y"]
         return _sentence(min(heights, key=abs), setup, "in height", "x")
+
+    def _strange(self, ahead: float) -> bool:
+        """Return whether a band so far ahead of a marker [rad] is none of those before it."""
+        off = [math.remainder(ahead - n * self._gap, TURN) for n in (1, 2)]
+        return min(map(abs, off)) > BELIEVED
 
 
 def _sentence(error: float, setup: Setup, where: str, axis: str) -> str:
