@@ -8,6 +8,7 @@ import pytest
 from printed_page import PrintedWord, missing_from_paper, outside_the_margins, printed_words
 
 from winding_core.cable.condition import Condition
+from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
 from winding_reports.records.identity import Identity, condition_quantities
 from winding_reports.records.run_record import RunRecord, WoundCable
 from winding_reports.run_report.report import write_report
@@ -22,9 +23,12 @@ def record(synthetic) -> RunRecord:
     turn = np.linspace(0.0, 8.0 * np.pi, 200)
     radius = run.case.centreline_radius
     nodes = np.column_stack([radius * np.cos(turn), -radius * np.sin(turn), 1e-3 * turn])
+    rows = tuple(replace(row, h_held_out=0.9) for row in run.rows)
+    lengths = judge_lengths(rows, PAPER_LIMIT_PCT, published=run.case.is_published)
     return replace(
         run,
-        rows=tuple(replace(row, h_held_out=0.9) for row in run.rows),
+        rows=rows,
+        outcome=replace(run.outcome, lengths=lengths),
         identity=Identity(
             bags=("/a/long/path/of/recordings/of/a/cell/2026/03/01/bag",),
             weights="rod",

@@ -28,6 +28,8 @@ ByteArray = NDArray[np.uint8]
 LOOK_STEP = 0.01
 # The acquisition of markers finds P0 itself so far from where the encoder places it [rad].
 BELIEVED = 0.45
+# What is still measured as P0 after so much of the way moves with the cylinder [rad].
+MOVED = 0.2
 # The doubts about a P0 that was sampled end after so much of the way [rad], and so many looks.
 DOUBTED, LEAST_LOOKS = 2.0 * TURN, 20
 
@@ -103,6 +105,8 @@ class RunStart:
             t: Its time [s].
             out: Of one frame.
         """
+        turned = abs(float(out.angle[0]) + self.origin - self._begun)
+        self._followed |= turned > MOVED and math.isfinite(float(out.rows[0, 0]["azimuth"]))
         void = self.zero.saw(t, out)
         self.done = self._proven and self.zero.done and self._misplaced.done
         return void
@@ -165,7 +169,9 @@ class RunStart:
 
     def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
         followed = -self.origin if self._followed else math.nan
-        doubt = self._misplaced.add(frame, setup, angle, guide, followed=followed)
+        doubt = self._misplaced.add(
+            frame, setup, angle, guide, followed=followed, colour=self.colour
+        )
         return bool(doubt) and self._withdraw(doubt)
 
     def _withdraw(self, doubt: str) -> bool:

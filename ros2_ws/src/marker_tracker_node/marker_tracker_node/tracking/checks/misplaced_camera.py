@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.p0_search import SEARCH_REACH, TURN, BandSearch
 from marker_tracker_node.tracking.state import Setup
@@ -21,6 +22,8 @@ ERRORS = tuple(1.6 * SEARCH_REACH * step for step in (-2, -1, 1, 2))
 ONE_LAP, TWO_LAPS = 1.2 * TURN, 2.4 * TURN
 # A pass is looked at so often [rad].
 LOOK_STEP = 0.1
+# A cylinder may have the markers' hue: so much of a band has their colour, where that is known.
+PAINTED = 0.5
 # Markers before another lie one or two gaps ahead of it, within this [rad].
 BELIEVED = 0.4
 # A guide that went back by more does not lay the first marker lowest [m].
@@ -47,7 +50,14 @@ class MisplacedCamera:
         self._begun = self._looked = self._guide = math.nan
 
     def add(
-        self, frame: ByteArray, setup: Setup, angle: float, guide: float, *, followed: float
+        self,
+        frame: ByteArray,
+        setup: Setup,
+        angle: float,
+        guide: float,
+        *,
+        followed: float,
+        colour: ColourModel | None,
     ) -> str:
         """Take a frame; return where the camera may stand, empty while that is not known.
 
@@ -58,6 +68,7 @@ class MisplacedCamera:
             guide: Its position [m]; nan where it is missing.
             followed: Azimuth less angle of what is followed as P0 already, which may be a later
                 marker [rad]; nan if nothing is.
+            colour: Of the markers; None if it is not known.
         """
         if abs(angle - self._looked) < LOOK_STEP:
             return ""
@@ -76,7 +87,10 @@ class MisplacedCamera:
                 continue
             moved = view._replace(**{axis: getattr(view, axis) - error})
             band = search.add(frame, setup._replace(camera=moved), angle)
-            if band is not None and not (something and self._strange(band.offset - followed)):
+            if band is None or (something and self._strange(band.offset - followed)):
+                continue
+            samples = np.concatenate(band.samples)
+            if colour is None or colour.mask(samples[np.newaxis]).mean() > PAINTED:
                 self._found[axis, error] = error + (band.z if axis == "z" else 0.0)
         along = min((error for (axis, _), error in self._found.items() if axis == "z"), default=0.0)
         if something:
