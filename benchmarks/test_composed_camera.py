@@ -11,6 +11,7 @@ import pytest
 
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
+from winding_core.run_spec import RunSpec
 from winding_ros import topics
 from winding_ros.graph import GraphError
 from winding_supervisor.machines.external_machine import ExternalMachineConfig
@@ -40,13 +41,17 @@ def test_a_thousand_frames_a_second(
     )
     condition = Condition(case=4, duration=DURATION)
     drive = condition.resolved().drive
+    asked = {
+        "case": 4,
+        "duration_s": DURATION,
+        "namespace": NAMESPACE,
+        "machine": "external",
+        "bag": tmp_path / "bag",
+        "compose": f"{camera}:open_camera",
+    }
     config = RunConfig(
+        spec=RunSpec.from_cell(None, asked),
         directory=tmp_path / "run",
-        condition={"case": 4, "duration": DURATION},
-        own={},
-        duration=DURATION,
-        bag=tmp_path / "bag",
-        namespace=NAMESPACE,
         machine=ExternalMachineConfig(
             axes=MachineAxes(),
             drive=drive,
@@ -55,13 +60,13 @@ def test_a_thousand_frames_a_second(
             starts_itself=False,
             standing_limit=60.0,
         ),
-        compose=f"{camera}:open_camera",
     )
     assert cell.stderr is not None
     try:
         assert any("ready" in line for line in cell.stderr)
         with opened_run(config) as run:
-            result = run.wind(lambda buffer, wall: None)
+            run.wind(lambda buffer, wall: None, print, lambda result: None)
+            (result,) = run.remains()
     except GraphError as error:
         # A slow machine falls behind until supervision hears nothing; all else is a fault.
         if "silent" not in str(error):

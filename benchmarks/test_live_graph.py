@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from winding_core.run_spec import RunSpec
 from winding_ros import topics
 from winding_supervisor.session.run import opened_run
 from winding_supervisor.session.run_config import RunConfig
@@ -28,17 +29,12 @@ def late() -> np.ndarray:
 
 
 def test_windowed_frames_at_200_hz(bench: Any, tmp_path: Path) -> None:
-    condition = {"case": 4, "duration": DURATION}
-    config = RunConfig(
-        directory=tmp_path / "run",
-        condition=condition,
-        own={topics.RIG: {"speed": 1.0}},
-        duration=DURATION,
-        namespace="benchmark",
-    )
+    asked = {"case": 4, "duration_s": DURATION, "speed": 1.0, "namespace": "benchmark"}
+    config = RunConfig(spec=RunSpec.from_cell(None, asked), directory=tmp_path / "run")
     asleep = late()
     with opened_run(config) as run:
-        result = run.wind(lambda buffer, wall: None)
+        run.wind(lambda buffer, wall: None, print, lambda result: None)
+        (result,) = run.remains()
     sent = {message.stamp_ns: message.sent_ns for message in result.buffer.messages[FRAMES]}
     came = {message.stamp_ns: message.received_ns for message in result.buffer.messages[MARKERS]}
     assert set(came) == set(sent)

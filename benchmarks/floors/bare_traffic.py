@@ -42,11 +42,14 @@ def plan_of(bag: Path, duration: float, stored: Path) -> Plan:
         bag: Of that run.
         duration: Of that run, simulated [s].
         stored: Where the bare recorder stores.
+
+    Raises:
+        RuntimeError: The recording has nothing of the machine's steady state.
     """
     found: dict[str, list[bytes]] = defaultdict(list)
     counts: dict[str, int] = defaultdict(int)
-    begin, end = (share * duration * 1e9 for share in STEADY)
     with opened(bag) as reader:
+        begin, end = (reader.start_time + share * duration * 1e9 for share in STEADY)
         for link, stamp, data in messages_of(reader, reader.connections):
             counts[link.topic] += 1
             sizes = found[link.topic]
@@ -84,6 +87,8 @@ def plan_of(bag: Path, duration: float, stored: Path) -> Plan:
             name, topic.type_name, topic.depth, _senders(topic, processes), _readers(topic),
             counts[name] / duration, data,
         )  # fmt: skip
+    if not plan[topics.RIG]["sends"]:
+        raise RuntimeError(f"nothing of the steady state is in {bag}")
     progress = topics.RECORDER_PROGRESS
     assert progress.rate is not None
     connect(

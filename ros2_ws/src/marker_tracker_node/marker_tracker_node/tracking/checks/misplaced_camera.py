@@ -82,6 +82,8 @@ class MisplacedCamera:
             return ""
         view = setup.camera
         something = math.isfinite(followed)
+        if something and not self._due(angle + followed, setup.usable_azimuth):
+            return ""
         for (axis, error), search in self._searches.items():
             if something and (axis == "y" or error > 0.0):
                 continue
@@ -101,6 +103,11 @@ class MisplacedCamera:
             return _sentence(along, setup, "along the axis", "y")
         heights = [error for (axis, _), error in self._found.items() if axis == "y"]
         return _sentence(min(heights, key=abs), setup, "in height", "x")
+
+    def _due(self, azimuth: float, usable: float) -> bool:
+        """Return whether a marker before the one at an azimuth [rad] may be in sight."""
+        before = [math.remainder(azimuth + n * self._gap, TURN) for n in (1, 2)]
+        return any(-BELIEVED < place < usable for place in before)
 
     def _strange(self, ahead: float) -> bool:
         """Return whether a band so far ahead of a marker [rad] is none of those before it."""
