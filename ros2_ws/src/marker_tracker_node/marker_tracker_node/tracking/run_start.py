@@ -175,8 +175,8 @@ class RunStart:
         return bool(doubt) and self._withdraw(doubt)
 
     def _withdraw(self, doubt: str) -> bool:
-        """Follow nothing any more."""
-        self._settled = True
+        """Follow nothing any more, and look for nothing."""
+        self._settled = self._proven = self._misplaced.done = True
         self.colour, self.refusal = None, doubt
         return True
 
@@ -189,7 +189,7 @@ class RunStart:
             try:
                 self.colour = ColourModel.from_samples(samples, frame.reshape(-1, 3)[::7])
             except ColourRefusedError as refusal:
-                self.refusal, self._proven = str(refusal), False
+                self.refusal, self._followed, self._proven = str(refusal), False, False
                 return False
             self.refusal = ""
         if abs(off) < BELIEVED:
