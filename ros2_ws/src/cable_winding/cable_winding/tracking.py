@@ -89,7 +89,7 @@ def track(
     history = np.stack(rows)
     return Tracking(
         markers=Markers.from_records(history[-1]),
-        pixels=lens.pixels(history[-1], tracker.pose),
+        pixels=tracker.lens.pixels(history[-1], tracker.pose),
         frame=last,
         t=np.array(times),
         theta=np.array(history["theta"]),

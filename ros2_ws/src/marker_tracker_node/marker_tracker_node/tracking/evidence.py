@@ -105,6 +105,10 @@ class SightingLog:
         """The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad]."""
         return self._motion.values
 
+    def forget(self, numbers: IndexArray) -> None:
+        """Forget the sightings of some markers."""
+        self._rows.keep(~np.isin(self._rows.values[:, 0], numbers))
+
     def take(self, frames: ByteArray, kept: IndexArray, readings: FloatArray, out: Burst) -> None:
         """Take some frames of a burst.
 
@@ -114,7 +118,7 @@ class SightingLog:
             readings: See `update_burst`; a frame without the encoder's is not taken.
             out: What the frames yielded.
         """
-        motion, passings = _passings(frames, kept, readings, out.angle, out.rows)
+        motion, passings = _passings(frames, kept, readings, out.angle, out.ahead, out.rows)
         self._motion.add(motion)
         if not len(passings):
             return
@@ -141,6 +145,11 @@ class _Table:
     def values(self) -> FloatArray:
         """The rows, as a view."""
         return self._values[: self._count]
+
+    def keep(self, kept: FlagArray) -> None:
+        """Keep some of the rows, shape (n,)."""
+        self._count = int(kept.sum())
+        self._values[: self._count] = self._values[: kept.size][kept]
 
     def add(self, rows: FloatArray) -> None:
         """Take rows, shape (n, columns)."""
@@ -252,7 +261,12 @@ class RunEvidence:
 
 @compiled
 def _passings(
-    frames: ByteArray, kept: IndexArray, readings: FloatArray, angles: FloatArray, rows: Rows
+    frames: ByteArray,
+    kept: IndexArray,
+    readings: FloatArray,
+    angles: FloatArray,
+    ahead: FloatArray,
+    rows: Rows,
 ) -> tuple[FloatArray, FloatArray]:  # pragma: no cover
     """Return what some frames of a burst show of markers that pass the camera.
 
@@ -261,6 +275,7 @@ def _passings(
         kept: Numbers of those that count, shape (n,).
         readings: See `update_burst`; a frame without the encoder's does not count.
         angles: Of the cylinder [rad], shape (k,).
+        ahead: See `Burst`.
         rows: Of SEEN, shape (k, markers).
 
     Returns:
@@ -272,7 +287,7 @@ def _passings(
     for k in kept:
         if math.isnan(readings[1, k]):
             continue
-        motion[count, 0], motion[count, 1] = readings[0, k], angles[k]
+        motion[count, 0], motion[count, 1] = readings[0, k], angles[k] - ahead[k]
         count += 1
         light = math.nan
         for n in range(rows.shape[1]):
@@ -286,7 +301,7 @@ def _passings(
                 light = _grey_level(frames[k])
             lap = round(azimuth / _TURN)
             one = found[passings]
-            one[0], one[1], one[2], one[3] = n, lap, readings[0, k], angles[k]
+            one[0], one[1], one[2], one[3] = n, lap, readings[0, k], motion[count - 1, 1]
             one[4], one[5], one[6] = azimuth - _TURN * lap, row.seen_height, row.slope
             one[7], one[8], one[9], one[10] = row.low, row.high, row.below, row.above
             one[11], one[12] = missed, light

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.estimator.carried import carried_correction
+from marker_tracker_node.tracking.estimator.configured import body_without, camera_without
 from marker_tracker_node.tracking.estimator.fit import fitted
 from marker_tracker_node.tracking.estimator.numbers import CABLE, COUNT, NUMBERS, TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
@@ -83,7 +85,9 @@ def refine(
     # What a change of the pose does to everything else, and what the data alone know of it.
     follow = np.linalg.solve(information, best.normal[rest, _POSE])
     data = best.normal[_POSE, _POSE] - best.normal[_POSE, rest] @ follow
-    moved, covariance = carried_correction(data, nominal - best.x[_POSE], nominal, belief)
+    moved, covariance = carried_correction(
+        data, nominal - best.x[_POSE], nominal, belief.sigmas, CARRIED
+    )
     pose = CameraPose.of(sightings.pose.numbers + moved)
     held = Problem(replace(seen, nominal=pose))
     x = fitted(held, held.doubting(_DOUBTS), held.start).x
@@ -124,10 +128,10 @@ def _seen(config: TrackerConfig, camera: PinholeCamera, sightings: Sightings) ->
         motion=np.repeat([[s.angle.min()], [s.angle.max() + 1.0]], 2, axis=1),
         area=math.nan,
         zeroed=True,
-        camera=camera,
+        camera=camera_without(camera, s.without),
         used=s.pose,
         nominal=config.pose,
-        body=config.body,
+        body=body_without(config.body, s.without),
     )
 
 
@@ -151,40 +155,3 @@ class PoseBelief:
     def sigmas(self) -> FloatArray:
         """Of tilt [rad] and position [m], shape (6,)."""
         return np.array([self.tilt] * 3 + [self.position] * 3)
-
-
-def carried_correction(
-    data: FloatArray, best: FloatArray, nominal: FloatArray, belief: PoseBelief
-) -> tuple[FloatArray, FloatArray]:
-    """Return the part of a fitted change of pose that the data carry, and its covariance.
-
-    In units of the belief the data's information has six axes of its own. Along one of them the
-    change is taken whole if it is `CARRIED` standard deviations of the data or more, and else left
-    out: a right pose is then left alone. What was left out counts as error.
-
-    Args:
-        data: Information on the pose without any belief, shape (6, 6).
-        best: Fitted change from the present pose, tilt [rad] and position [m], shape (6,).
-        nominal: Change that would lead to the nominal pose, shape (6,).
-        belief: How well that was known.
-    """
-    sigmas = belief.sigmas
-    free = sigmas > 0.0
-    moved, covariance = np.zeros(6), np.zeros((6, 6))
-    moved[~free] = nominal[~free]
-    if not free.any():
-        return moved, covariance
-    unit = sigmas[free]
-    information = data[np.ix_(free, free)] * np.outer(unit, unit)
-    strength, axes = np.linalg.eigh(0.5 * (information + information.T))
-    strength = np.maximum(strength, 0.0)
-    change = axes.T @ (best[free] / unit)
-    # The data alone would go further than the compromise with the belief does.
-    centre = axes.T @ (nominal[free] / unit)
-    alone = change + (change - centre) / np.maximum(strength, 1.0e-12)
-    carried = np.abs(alone) * np.sqrt(strength) >= CARRIED
-    taken = np.where(carried, change, 0.0)
-    variance = 1.0 / (1.0 + strength) + (change - taken) ** 2
-    moved[free] = unit * (axes @ taken)
-    covariance[np.ix_(free, free)] = np.outer(unit, unit) * ((axes * variance) @ axes.T)
-    return moved, covariance

@@ -43,6 +43,8 @@ class RunStart:
         refusal: Why nothing can be followed; empty when something can.
         zero: The camera's turn.
         done: Whether there is nothing left to find out.
+        posed: Whether the camera's pose is corrected by more than P0.
+        proven: Whether P0 moved with the cylinder, or is sought no longer.
     """
 
     def __init__(
@@ -60,7 +62,7 @@ class RunStart:
         self.refusal = "" if colour is not None else "no frame with P0 yet"
         self._remarks: list[str] = []
         self.zero = CameraZero(config, camera)
-        self.done = False
+        self.done = self.posed = False
         self._config = config
         self._given = colour is not None
         self._search = BandSearch(config)
@@ -68,8 +70,7 @@ class RunStart:
         self._misplaced = MisplacedCamera(config)
         self._begun = self._looked = math.nan
         self._looks = 0
-        # Whether P0 moved with the cylinder, and whether it is sought no longer.
-        self._followed = self._proven = self._given
+        self._followed = self.proven = self._given
         self._settled = False
         self._palette: tuple[ColourModel | None, Palette] | None = None
 
@@ -92,9 +93,9 @@ class RunStart:
             self._sample(frame, setup, 0.0 if math.isnan(at) else at)
         if math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
             self._looked = angle
-            void = not self._proven and self._look(frame, setup, angle, guide)
+            void = not self.proven and self._look(frame, setup, angle, guide)
             void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle, guide)
-        if self.colour is not None:
+        if self.colour is not None and not self.posed:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
         return void
 
@@ -107,8 +108,9 @@ class RunStart:
         """
         turned = abs(float(out.angle[0]) + self.origin - self._begun)
         self._followed |= turned > MOVED and math.isfinite(float(out.rows[0, 0]["azimuth"]))
-        void = self.zero.saw(t, out)
-        self.done = self._proven and self.zero.done and self._misplaced.done
+        void = not self.posed and self.zero.saw(t, out)
+        posed = self.posed or self.zero.done
+        self.done = self.proven and posed and self._misplaced.done
         return void
 
     def palette(self) -> Palette:
@@ -156,7 +158,7 @@ class RunStart:
     def _look(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
         found = self._search.add(frame, setup, angle)
         if found is not None:
-            self._followed = self._proven = True
+            self._followed = self.proven = True
             return self._found(found, frame, angle, guide)
         self._looks += 1
         if self.colour is None or not self._search.moving or self._doubts.leaps(angle):
@@ -164,7 +166,7 @@ class RunStart:
             if doubt:
                 return self._withdraw(doubt)
         far = abs(angle - self._begun) > DOUBTED and self._looks > LEAST_LOOKS
-        self._proven = self.colour is not None and far
+        self.proven = self.colour is not None and far
         return False
 
     def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
@@ -176,7 +178,7 @@ class RunStart:
 
     def _withdraw(self, doubt: str) -> bool:
         """Follow nothing any more, and look for nothing."""
-        self._settled = self._proven = self._misplaced.done = True
+        self._settled = self.proven = self._misplaced.done = True
         self.colour, self.refusal = None, doubt
         return True
 
@@ -189,7 +191,7 @@ class RunStart:
             try:
                 self.colour = ColourModel.from_samples(samples, frame.reshape(-1, 3)[::7])
             except ColourRefusedError as refusal:
-                self.refusal, self._followed, self._proven = str(refusal), False, False
+                self.refusal, self._followed, self.proven = str(refusal), False, False
                 return False
             self.refusal = ""
         if abs(off) < BELIEVED:

@@ -32,5 +32,6 @@ class Sightings:
     below: FloatArray  # Distance of the turn at -z, see `Band` [m], shape (k,)
     above: FloatArray  # The same at +z, shape (k,)
     pose: CameraPose  # Of the camera with which azimuth and z were computed
+    without: FloatArray  # Errors of focal length and body taken off for that, see `Seen`
     mean_theta: FloatArray
     mean_z: FloatArray  # Run mean of z from P0 [m], likewise

@@ -144,6 +144,10 @@ class Marks:
         area: Measured over expected area.
         reference: Wound angle after its first frames [rad].
         recent: Moving mean of the wound angle [rad].
+        doubt_theta: Variance of that for what is not known of corrected numbers [rad^2].
+        doubt_height: The same of z [m^2].
+        left_theta: What published angles still have of those before a correction [rad].
+        left_height: The same of z [m].
     """
 
     known: FlagArray
@@ -155,6 +159,10 @@ class Marks:
     area: FloatArray
     reference: FloatArray
     recent: FloatArray
+    doubt_theta: FloatArray
+    doubt_height: FloatArray
+    left_theta: FloatArray
+    left_height: FloatArray
 
 
 class Candidates:
@@ -335,6 +343,7 @@ class Burst:
     """What a burst of frames yields."""
 
     angle: FloatArray  # Cylinder angle that was used [rad], shape (frames,)
+    ahead: FloatArray  # By how much that exceeds what the encoder reports [rad], likewise
     rows: Rows  # Of SEEN, shape (frames, markers)
 
     @classmethod
@@ -342,7 +351,11 @@ class Burst:
         """Return room for a number of frames, nan everywhere and without flags."""
         # Repeating bytes is four times as fast as filling rows with a record.
         rows = np.frombuffer(bytearray(_UNSEEN * (frames * markers)), dtype=SEEN)
-        return cls(angle=np.full(frames, math.nan), rows=rows.reshape(frames, markers))
+        return cls(
+            angle=np.full(frames, math.nan),
+            ahead=np.zeros(frames),
+            rows=rows.reshape(frames, markers),
+        )
 
     @property
     def seen(self) -> Output:

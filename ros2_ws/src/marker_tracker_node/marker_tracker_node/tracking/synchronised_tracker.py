@@ -191,7 +191,7 @@ class SynchronisedTracker:
         angle = pair.cylinder_angle
         if angle is None:
             return tracker.track(pair.frame, pair.t, None, pair.guide_z)
-        lead = clock.lead(pair.t, angle, tracker.state.shift - tracker.origin)
+        lead = clock.lead(pair.t, angle, tracker.phase)
         begun = tracker.beginnings
         markers = tracker.track(pair.frame, pair.t, angle, pair.guide_z, lead=lead)
         if tracker.beginnings != begun:
@@ -199,6 +199,7 @@ class SynchronisedTracker:
         if not len(markers):
             return markers
         clock.take(pair.t, tracker.seen)
+        tracker.explain()
         if clock.applied:
             tracker.rebase(clock.estimate.shift + tracker.origin, forget=not self._pairs.correction)
             self._pairs.correction = clock.estimate.offset

@@ -15,13 +15,19 @@ from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.checks.consistency import RunChecks
 from marker_tracker_node.tracking.checks.lay_check import guide_doubt, missing_markers
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.estimator.pictures import band_pictures
+from marker_tracker_node.tracking.estimator.configured import (
+    body_without,
+    camera_without,
+    pose_without,
+)
+from marker_tracker_node.tracking.estimator.pictures import band_pictures, seen_again
 from marker_tracker_node.tracking.estimator.problem import Seen
 from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.frame.frame_update import update_burst
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.frame.run_means import mean_variances
 from marker_tracker_node.tracking.machine_motion import MotionBefore
+from marker_tracker_node.tracking.recalibration import Recalibration
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_start import RunStart
 from marker_tracker_node.tracking.sightings import Sightings
@@ -44,12 +50,17 @@ class Tracker:
     clock and camera drift; otherwise from the encoder and P0's known place. Whole turns come from
     the encoder, identity from the order of winding.
 
+    Once a lap everything that was seen is explained by one least squares, see `estimator`; what
+    that corrects of the configured numbers is measured with from then on. Published values go over
+    to it in steps of half their deviation.
+
     Attributes:
         config: Machine, cable and nominal camera pose.
         camera: Content of CameraInfo.
         state: Of the run.
         beginnings: How often it began anew, azimuths before which are worth nothing.
-        seen: Azimuths of the bands in the last frame of `track` [rad], nan where not measured.
+        seen: Azimuths of the bands in the last frame of `track` as the configured numbers have
+            them [rad], nan where not measured.
     """
 
     def __init__(
@@ -77,6 +88,7 @@ class Tracker:
         self._motion = MotionBefore(motion_before)
         self._setup = config.setup(camera.view(config.pose))
         self._fixed = fixed_numbers(self._setup)
+        self._numbers = Recalibration(config.marker_count + 1)
         self._start = RunStart(config, camera, colour)
         self.beginnings = 0
         self._memory: list[Burst] | None = [] if remember else None
@@ -95,8 +107,15 @@ class Tracker:
 
     @property
     def pose(self) -> CameraPose:
-        """The camera's pose, turned until P0 stands where it must."""
+        """The camera's pose: turned until P0 stands where it must, or as it is corrected."""
+        if self._numbers.made:
+            return pose_without(self.config.pose, self._numbers.errors)
         return self._start.zero.pose
+
+    @property
+    def lens(self) -> PinholeCamera:
+        """The camera with its focal length as it is corrected."""
+        return camera_without(self.camera, self._numbers.errors)
 
     @property
     def zeroed(self) -> bool:
@@ -128,7 +147,8 @@ class Tracker:
             cylinder_angle: Encoder reading at t [rad], whole turns may be missing; None while
                 the encoder is out.
             guide_z: Guide position at t [m]; None to expect the commanded feed.
-            lead: How much further than by the reading P0 is expected [rad].
+            lead: How much further than by the reading P0 is expected, in azimuths as in `seen`
+                [rad].
 
         Returns:
             Records of MARKER_DTYPE, shape (marker_count + 1,); shape (0,) for a refused frame,
@@ -145,7 +165,7 @@ class Tracker:
             np.asarray(frame)[None],
             np.array([[t], [angle - self.origin], [guide], [lead]]),
         )
-        self.seen = out.rows["azimuth"][0]
+        self.seen = self._numbers.as_configured(out, self._setup)
         if not self._start.done:
             self._motion.add(t, angle, guide)
             if self._start.saw(t, out):
@@ -159,14 +179,19 @@ class Tracker:
         self.seen = np.full(len(self._ids), np.nan)
         return self._records(Burst.empty(0, len(self._ids))).ravel()
 
+    @property
+    def phase(self) -> float:
+        """By how much the azimuth of P0, as in `seen`, exceeds a reading of the encoder [rad]."""
+        return self.state.shift - self.origin - self._numbers.moved
+
     def rebase(self, shift: float, *, forget: bool) -> None:
         """Take another azimuth of P0 at encoder angle zero.
 
         Args:
-            shift: That azimuth [rad].
+            shift: That azimuth, as in `seen` [rad].
             forget: Whether what was found of P1 and later rests on wrong readings.
         """
-        self.state.run.shift = shift
+        self.state.run.shift = shift + self._numbers.moved - self._numbers.ahead
         if forget:
             self.state.mark_rows["known"][1:] = False
             self.state.candidate_rows["hits"] = 0
@@ -203,6 +228,7 @@ class Tracker:
 
     def estimates(self) -> Markers:
         """Return what is known of each marker so far, its mean over all frames."""
+        self.explain()
         marks = self.state.marks
         known = marks.known
         out = Burst.empty(1, len(known))
@@ -224,15 +250,17 @@ class Tracker:
         """
         if self._memory is None:
             raise ValueError("the tracker keeps no sightings: start it with remember=True")
+        means = self.estimates()
         bursts = [Burst.empty(0, len(self._ids)), *self._memory]
         rows = np.concatenate([burst.rows for burst in bursts])
         frame, marker = np.nonzero(np.isfinite(rows["azimuth"]))
-        measured, means = rows[frame, marker], self.estimates()
+        measured = rows[frame, marker]
         return Sightings(
             marker=marker,
             angle=np.concatenate([burst.angle for burst in bursts])[frame],
             z=measured["seen_height"],
             pose=self.pose,
+            without=self._numbers.errors,
             mean_theta=means["theta"],
             mean_z=means["z"],
             **{name: measured[name] for name in _ROWS},
@@ -240,6 +268,7 @@ class Tracker:
 
     def report(self) -> TrackerReport:
         """Return counts and situation for diagnostics."""
+        self.explain()
         cylinder, marks = self.state.run.cylinder, self.state.marks
         separation = math.nan if self.colour is None else self.colour.separation
         return TrackerReport(
@@ -252,23 +281,40 @@ class Tracker:
             encoder_losses=self._losses,
             encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
             colour_refusal=self._start.refusal,
-            remarks=self._start.sentences,
+            remarks=tuple(filter(None, (*self._start.sentences, self._numbers.remark))),
             colour_separation=separation,
-            contradictions=self._checks.judged(
-                self._evidence, self._setup, self.state, self._explained
-            ),
+            contradictions=self._checks.contradictions,
             missing=missing_markers(self._setup, self.state),
             guide_doubt=guide_doubt(self._setup, self.state),
         )
 
-    def _explained(self) -> Seen:
+    def explain(self) -> None:
+        """Explain everything seen so far, once a lap, and measure with what that corrects."""
+        done = self._checks.judge(self._evidence, self._setup, self.state, self._seen)
+        found, marks = self._checks.correction, self.state.marks
+        if found is None or not (done and self._start.proven):
+            return
+        if self._numbers.changes(found, marks):
+            old, config = self._setup, self.config
+            camera = camera_without(self.camera, found.errors)
+            setup = config.setup(camera.view(pose_without(config.pose, found.errors)))
+            self._setup = setup._replace(body=body_without(config.body, found.errors))
+            self._fixed = fixed_numbers(self._setup)
+            memory, setups = self._memory or [], (old, self._setup)
+            self._numbers.make(found, self.state, self._evidence.log, memory, setups)
+            self.state.candidate_rows["hits"] = 0
+            self._start.posed = True
+        marks.doubt_theta[found.markers], marks.doubt_height[found.markers] = found.doubt
+
+    def _seen(self) -> Seen:
         """Return what the estimator explains."""
         area = self.state.marks.area[self.state.marks.known]
         area = area[area > 0.0]
         return Seen.of(
             rows=self._evidence.log.sightings,
             motion=self._evidence.log.motion,
-            area=float(np.median(np.log(area))) if area.size else math.nan,
+            area=float(np.median(np.log(area))) + self._numbers.area if area.size else math.nan,
+            without=self._numbers.errors,
             zeroed=self.origin == 0.0,
             camera=self.camera,
             used=self.pose,
@@ -309,6 +355,7 @@ class Tracker:
         """Forget what was measured with another pose or zero of the encoder."""
         self.beginnings += 1
         self._evidence, self._checks = RunEvidence(), RunChecks()
+        self._numbers = Recalibration(len(self._ids))
         self.state = TrackerState.fresh(self.config.marker_count)
         self._setup = self.config.setup(self.camera.view(self.pose))
         self._fixed = fixed_numbers(self._setup)
@@ -322,6 +369,11 @@ class Tracker:
         state = self.state
         if len(frames) and not state.started:
             self._motion.take_up(state, self._fixed, readings[0, 0], self.origin)
+        if self._numbers.turns:
+            # Of the camera's clock alone less is known then.
+            readings[3] = 0.0
+            out.ahead[:] = self._numbers.turned_ahead(self._evidence.log.motion, readings[:2])
+            readings[1] += out.ahead
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
         still.flags.writeable = False
@@ -338,6 +390,7 @@ class Tracker:
         self._evidence.take(still, palette.any, self._fixed, state, readings, out)
         self._frames += len(frames)
         if len(frames):
+            self._numbers.ahead = float(out.ahead[-1])
             self._flags = out.rows["marker_flags"][-1]
         return out
 
@@ -371,5 +424,6 @@ def warm_up(config: TrackerConfig) -> None:
     Tracker(config, camera).track(frame, 0.0, 0.0, 0.0)
     setup = config.setup(camera.view(config.pose))
     band_pictures(setup.camera, setup.body, np.zeros((1, 7)))
+    seen_again(setup.camera, setup.body, setup.camera, setup.body, np.zeros((1, 7)))
     # P0's place is asked from Python, once it is in sight.
     predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), empty_gates(1), 0)

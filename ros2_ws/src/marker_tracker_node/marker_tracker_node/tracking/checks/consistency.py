@@ -13,7 +13,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.estimator.contradictions import Contradiction, contradictions
+from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
+from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, USUAL_AREA, Seen
 from marker_tracker_node.tracking.evidence import RunEvidence, SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
@@ -35,15 +36,22 @@ _GAPS = (0.72, 1.5)
 
 
 class RunChecks:
-    """The contradictions of a run, judged anew with every lap and a quarter more sightings."""
+    """What follows from the evidence of a run.
+
+    Attributes:
+        contradictions: Configured numbers that the pictures speak against.
+        correction: What they correct of those; None if nothing.
+    """
 
     def __init__(self) -> None:
-        self._judged: tuple[int, int, tuple[Contradiction, ...]] = (0, 0, ())
+        self.contradictions: tuple[Contradiction, ...] = ()
+        self.correction: Correction | None = None
+        self._judged = 0, 0
 
-    def judged(
+    def judge(
         self, run: RunEvidence, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
-    ) -> tuple[Contradiction, ...]:
-        """Return which configured numbers the pictures speak against.
+    ) -> bool:
+        """Judge anew with every lap and a quarter more sightings; return whether that was done.
 
         Args:
             run: What was kept of it.
@@ -52,18 +60,22 @@ class RunChecks:
             seen: Makes of that what is explained.
         """
         laps, rows = len(run.log.laps), len(run.log.sightings)
-        if self._judged[0] != laps or rows > _MORE * self._judged[1]:
-            light = _of_light(run.log, state.marks.area)
-            found = (light,) if light is not None else _of_numbers(run, setup, state, seen)
-            self._judged = laps, rows, found
-        return self._judged[2]
+        if self._judged[0] == laps and rows <= _MORE * self._judged[1]:
+            return False
+        self._judged = laps, rows
+        light = _of_light(run.log, state.marks.area)
+        if light is not None:
+            self.contradictions = (light,)
+            return False
+        wrong, self.correction = explained(seen()) if rows >= _LEAST_ROWS else ((), None)
+        self.contradictions = _of_everything(wrong, run, setup, state)
+        return True
 
 
-def _of_numbers(
-    run: RunEvidence, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
+def _of_everything(
+    wrong: tuple[Contradiction, ...], run: RunEvidence, setup: Setup, state: TrackerState
 ) -> tuple[Contradiction, ...]:
-    """Judge the numbers that say where bands appear, and what is left of them unexplained."""
-    wrong = contradictions(seen()) if len(run.log.sightings) >= _LEAST_ROWS else ()
+    """Return what the bands contradict by their places, and what is left of them unexplained."""
     if any(item.names & _TURNING for item in wrong):
         # Where bands lie and which are lost shows nothing while their turns are in doubt.
         return wrong

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from marker_tracker_node.tracking.estimator.correction import Correction, correction
 from marker_tracker_node.tracking.estimator.mask_bias import IN_ANY_LIGHT
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import MARKER, Problem, Seen
@@ -34,12 +35,22 @@ class Contradiction:
         return frozenset({self.number, *self.alternatives})
 
 
+def explained(seen: Seen) -> tuple[tuple[Contradiction, ...], Correction | None]:
+    """Return which configured numbers the sightings contradict, and what they correct.
+
+    A consistent run has neither.
+    """
+    if not (seen.rows[:, MARKER] == 0).any():
+        return (), None
+    problem = Problem(seen, IN_ANY_LIGHT)
+    verdict = judged(problem)
+    found = tuple(_contradiction(group, verdict.explained) for group in verdict.wrong)
+    return found, correction(problem, verdict, made=bool(seen.without.any()))
+
+
 def contradictions(seen: Seen) -> tuple[Contradiction, ...]:
     """Return which configured numbers the sightings contradict; empty for a consistent run."""
-    if not (seen.rows[:, MARKER] == 0).any():
-        return ()
-    verdict = judged(Problem(seen, IN_ANY_LIGHT))
-    return tuple(_contradiction(group, verdict.explained) for group in verdict.wrong)
+    return explained(seen)[0]
 
 
 def _contradiction(group: tuple[Explanation, ...], explained: bool) -> Contradiction:

@@ -23,26 +23,31 @@ class Fit:
     """Unknowns that explain the sightings best under a prior."""
 
     x: FloatArray  # Unknowns, see `Problem`
+    prior: FloatArray  # Inverse variances under which they do
     cost: float  # Twice the negative logarithm of their likelihood, with the prior
     normal: FloatArray  # Information on them without the prior, shape (unknowns, unknowns)
     gradient: FloatArray  # Of the sightings at x, shape (unknowns,)
     rest: float  # Square of what is left of four sightings in five at most, in its variance
 
 
-def fitted(problem: Problem, prior: FloatArray, start: FloatArray) -> Fit:
+def fitted(
+    problem: Problem, prior: FloatArray, start: FloatArray, centre: FloatArray | None = None
+) -> Fit:
     """Return the unknowns of least cost.
 
     Args:
         problem: Sightings and model.
-        prior: Inverse variances about zero, for markers about nothing, shape (unknowns,).
+        prior: Inverse variances, zero for markers, shape (unknowns,).
         start: Unknowns to start at, shape (unknowns,).
+        centre: Of the prior, likewise; None for zero.
     """
-    best = _at(problem, prior, start)
+    centre = np.zeros(prior.size) if centre is None else centre
+    best = _at(problem, prior, centre, start)
     for _ in range(_STEPS):
-        pull = best.gradient - prior * best.x
+        pull = best.gradient - prior * (best.x - centre)
         step = np.linalg.solve(best.normal + np.diag(prior + 1.0e-9), pull)
         for share in (1.0, 0.3):
-            found = _at(problem, prior, best.x + share * step)
+            found = _at(problem, prior, centre, best.x + share * step)
             if found.cost < best.cost:
                 break
         else:
@@ -54,7 +59,7 @@ def fitted(problem: Problem, prior: FloatArray, start: FloatArray) -> Fit:
     return best
 
 
-def _at(problem: Problem, prior: FloatArray, x: FloatArray) -> Fit:
+def _at(problem: Problem, prior: FloatArray, centre: FloatArray, x: FloatArray) -> Fit:
     off, slopes = problem.linearised(x)
     off, slopes = off / problem.sigma[:, None], slopes / problem.sigma[:, None, None]
     square = (off**2).sum(axis=1)
@@ -65,7 +70,8 @@ def _at(problem: Problem, prior: FloatArray, x: FloatArray) -> Fit:
     weighted = flat * np.repeat(weight, 2)[:, None]
     return Fit(
         x=x,
-        cost=cost + area**2 + float(prior @ x**2),
+        prior=prior,
+        cost=cost + area**2 + float(prior @ (x - centre) ** 2),
         normal=flat.T @ weighted + np.outer(by_area, by_area),
         gradient=weighted.T @ off.ravel() + area * by_area,
         rest=float(np.quantile(square, 0.8)),

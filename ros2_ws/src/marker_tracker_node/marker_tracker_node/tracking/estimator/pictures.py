@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
-from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_band
+from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_band, solve_band
 from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
@@ -59,6 +59,34 @@ def band_pictures(
         _by_difference(band_centroid(view, wider, band), out[k], CYLINDER)
         _by_difference(band_centroid(view, thicker, band), out[k], CABLE)
         _by_difference(band_centroid(view, longer, band), out[k], BAND_WIDTH)
+    return out
+
+
+@compiled
+def seen_again(
+    view: CameraView, body: Body, other: CameraView, painted: Body, bands: FloatArray
+) -> FloatArray:  # pragma: no cover
+    """Return azimuth [rad] and z [m] of bands as another camera and body explain their pictures.
+
+    Args:
+        view: The camera with which they were measured.
+        body: What they were taken to be painted on.
+        other: The camera that explains them.
+        painted: What they are then painted on.
+        bands: Fields of `Band`, shape (k, 7).
+
+    Returns:
+        Shape (k, 2); as they were where the other camera sees no cable.
+    """
+    out = bands[:, :2].copy()
+    for k in range(bands.shape[0]):
+        row = bands[k]
+        band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+        a, b, _area = band_centroid(view, body, band)
+        a, b = a * view.fx / other.fx, b * view.fy / other.fy
+        azimuth, z = solve_band(other, painted, a, b, band)
+        if math.isfinite(azimuth) and math.isfinite(z):
+            out[k, 0], out[k, 1] = azimuth, z
     return out
 
 

@@ -3,7 +3,7 @@
 Unknown are the configured numbers, by how much each is set too large, wound angle and height of
 every marker, and what the mask has wrong in all frames:
 
-    Theta = Theta_encoder((t - d) / (1 + s)) / (1 + e), times and angles counted from the first
+    Theta = Theta_encoder((t - d) / (1 + s)) / (1 + e), times counted from the first
     picture = f / f_set  projection(pose, R, r; Theta + phi - theta_n, z_n)
     measured = picture + bias(azimuth) + noise
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,6 +22,12 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCa
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.estimator import pictures
+from marker_tracker_node.tracking.estimator.configured import (
+    LEAST,
+    body_without,
+    camera_without,
+    pose_without,
+)
 from marker_tracker_node.tracking.estimator.mask_bias import (
     COMMON,
     CUT_SCATTER,
@@ -57,9 +63,9 @@ USUAL_AREA, AREA_SIGMA = 0.0, 0.035
 _FIRST_LAPS, _NEWEST_LAPS, _MOST_ROWS = 2, 4, 400
 # Bands that are seen from the side tell little: cosine of the largest azimuth.
 _FACING = 0.5
+# What is left of a sighting that the unknowns place behind the cylinder [px].
+_HIDDEN = 1000.0
 _AREA_STEP = 0.01
-# A step of the fit may lead beyond this share of a number, where it has no logarithm.
-_LEAST = -0.95
 _AREA_AZIMUTHS = np.linspace(-0.9, 0.9, 7)
 # Least scatter of a sighting with what its neighbours share [px].
 _SCATTER = 0.1
@@ -77,6 +83,8 @@ class Seen:
         zeroed: Whether the encoder's zero is configured, and not found from P0 itself.
         camera: Content of CameraInfo.
         used: Pose with which azimuth and z were computed.
+        without: Errors of focal length and body that were taken off for that, see `NUMBERS`, shape
+            (numbers,); zero for the configured ones.
         nominal: Pose as configured.
         body: What the bands are painted on, as configured.
     """
@@ -89,6 +97,7 @@ class Seen:
     used: CameraPose
     nominal: CameraPose
     body: Body
+    without: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
     @classmethod
     def of(cls, *, rows: FloatArray, **others: Any) -> Seen:
@@ -125,12 +134,14 @@ class Problem:
         azimuth = rows[:, AZIMUTH] + turn * rows[:, LAP]
         self._bands = np.column_stack([azimuth, rows[:, Z : Z + 6]])
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
-        view = seen.camera.view(seen.used)
-        self._goal = pictures.band_pictures(view, seen.body, self._bands)[:, :2]
+        view = camera_without(seen.camera, seen.without).view(seen.used)
+        body = body_without(seen.body, seen.without)
+        self._goal = pictures.band_pictures(view, body, self._bands)[:, :2]
+        self._goal *= self._focal / (1.0 + seen.without[FOCAL])
         cuts = cut_off(self._bands, seen.body.cable_radius)
         self._bias, sigmas = bias_shapes(azimuth, self._index, cuts, common)
         self.sigma = np.where(cuts[0] | cuts[1], math.hypot(_SCATTER, CUT_SCATTER), _SCATTER)
-        self._since, self._from = seen.motion[0].tolist()
+        self._since = float(seen.motion[0, 0])
         self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
         self.start = np.zeros(self._first_bias + self._bias.shape[2])
         for i in range(count):
@@ -169,10 +180,11 @@ class Problem:
         rows = self._seen.rows
         turned, speed, at = self._motion(x)
         late, longer = 1.0 / (1.0 + x[SCALE]), 1.0 / (1.0 + x[TIMES])
+        view = self._seen.camera.view(pose_without(self._seen.nominal, x))
         bands = self._bands.copy()
-        bands[:, 0] = self._from + turned + x[ZERO] - x[COUNT + self._index]
+        bands[:, 0] = turned + x[ZERO] - x[COUNT + self._index]
         bands[:, 1] = x[self._first_z + self._index]
-        found = pictures.band_pictures(self._view(x), self._body(x), bands)
+        found = pictures.band_pictures(view, body_without(self._seen.body, x), bands)
         scale = self._focal / (1.0 + x[FOCAL])
         slopes = np.zeros((len(rows), 2, x.size))
         pairs = found.reshape(len(rows), 12, 2) * scale
@@ -198,7 +210,23 @@ class Problem:
         slopes[here, :, self._first_z + self._index] = by(pictures.HEIGHT)
         slopes[:, :, self._first_bias :] = self._bias
         explained = by(0) + self._bias @ x[self._first_bias :]
-        return self._focal * self._goal - explained, slopes
+        off = self._goal - explained
+        # What lies behind the cylinder is not seen, and explains nothing.
+        hidden = np.isnan(off).any(axis=1)
+        off[hidden], slopes[hidden] = _HIDDEN, 0.0
+        return off, slopes
+
+    def unexplained(self, x: FloatArray) -> FloatArray:
+        """Return the median square of what is left of each marker's sightings, in its variance.
+
+        Args:
+            x: Unknowns, shape (unknowns,).
+
+        Returns:
+            Shape (markers,).
+        """
+        square = ((self.linearised(x)[0] / self.sigma[:, None]) ** 2).sum(axis=1)
+        return np.array([np.median(square[self._index == i]) for i in range(self.markers.size)])
 
     def centred(self, x: FloatArray) -> FloatArray:
         """Return unknowns with every marker but P0 where its sightings are explained best.
@@ -206,7 +234,7 @@ class Problem:
         A scale turns late markers by more than a radian, which no small step follows.
         """
         x = x.copy()
-        wound = self._from + self._motion(x)[0] + x[ZERO] - self._bands[:, 0]
+        wound = self._motion(x)[0] + x[ZERO] - self._bands[:, 0]
         for i in range(int(self.markers[0] == 0), self.markers.size):
             x[COUNT + i] = np.median(wound[self._index == i])
         return x
@@ -219,7 +247,7 @@ class Problem:
         theta = np.interp(at, times, motion[:, 1])
         speed = np.interp(at, times, self._speed)
         early = np.minimum(at - times[0], 0.0) + np.maximum(at - times[-1], 0.0)
-        return (theta + speed * early - self._from) / (1.0 + x[SCALE]), speed, at
+        return (theta + speed * early) / (1.0 + x[SCALE]), speed, at
 
     def area(self, x: FloatArray) -> tuple[float, FloatArray]:
         """Return what is left of the bands' area, and its derivatives; in deviations.
@@ -231,8 +259,7 @@ class Problem:
         share = self._seen.area
         if not math.isfinite(share):
             return 0.0, slopes
-        explained = float(self._by_area @ np.log1p(np.maximum(x[:COUNT], _LEAST))) + USUAL_AREA
-        left = (share - explained) / AREA_SIGMA
+        left = (share - self.area_of(x) - USUAL_AREA) / AREA_SIGMA
         slopes[:COUNT] = self._by_area / (AREA_SIGMA * (1.0 + x[:COUNT]))
         smallest, largest = (math.log(limit) for limit in WHOLE_AREA)
         if (share < smallest + AREA_SIGMA and left > 0.0) or (
@@ -241,16 +268,9 @@ class Problem:
             left = 0.0
         return left, slopes
 
-    def _view(self, x: FloatArray) -> CameraView:
-        pose = CameraPose.of(self._seen.nominal.numbers - x[TILT : TILT + 6])
-        return self._seen.camera.view(pose)
-
-    def _body(self, x: FloatArray) -> Body:
-        body = self._seen.body
-        r = body.cable_radius / (1.0 + float(x[CABLE]))
-        radius = (body.rho - body.cable_radius) / (1.0 + float(x[CYLINDER]))
-        half = body.half_band / (1.0 + max(float(x[BAND]), _LEAST))
-        return body._replace(rho=radius + r, cable_radius=r, half_band=half)
+    def area_of(self, x: FloatArray) -> float:
+        """Return the logarithm of a band's area over that of the configured numbers."""
+        return float(self._by_area @ np.log1p(np.maximum(x[:COUNT], LEAST)))
 
 
 def _scatter(off: FloatArray, rows: FloatArray) -> float:

@@ -22,7 +22,7 @@ _SIGNIFICANT = 2.5
 # neighbours in a passing err together, which makes differences of cost 2 to 3 times too large.
 _AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
 # Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
-_EXPLAINED = 6.5
+EXPLAINED = 6.5
 # Then the numbers are named that the fit takes so many doubts from what was configured.
 _FAR = 3.0
 # Numbers whose first step promises less than this share of what is needed, or of the best, are not
@@ -62,6 +62,11 @@ class Verdict:
     wrong: tuple[tuple[Explanation, ...], ...]
     explained: bool = True
 
+    @property
+    def best(self) -> Fit:
+        """What explains the sightings best."""
+        return self.wrong[-1][0].fit if self.wrong and self.explained else self.usual
+
 
 def judged(problem: Problem) -> Verdict:
     """Return which numbers are contradicted, with their alternatives."""
@@ -73,11 +78,11 @@ def judged(problem: Problem) -> Verdict:
         prior[first[0].number] = NUMBERS[first[0].number].most ** -2
         second = _explanations(problem, prior, first[0].fit)
         wrong = (first, second) if second else wrong
-    best = wrong[-1][0].fit if wrong else usual
-    if best.rest > _EXPLAINED:
+    verdict = Verdict(usual=usual, wrong=wrong)
+    if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
         return Verdict(usual=usual, wrong=(far,) if far else (), explained=False)
-    return Verdict(usual=usual, wrong=wrong)
+    return verdict
 
 
 def _furthest(usual: Fit) -> tuple[Explanation, ...]:

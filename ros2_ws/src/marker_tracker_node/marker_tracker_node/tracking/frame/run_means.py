@@ -47,6 +47,8 @@ BENT_OVER_RUN = 0.5
 MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.06
 # A band is an ellipse from the side; nearer to the limb than this its scale changes no more.
 LEAST_FACING = 0.3
+# A corrected value is gone over to by so much of its deviation in each frame.
+STEP = 0.5
 
 
 @called
@@ -170,6 +172,8 @@ def write_results(
             own_height += _scatter(marks.var_height[n], facing[1])
             own_height *= part_z * part_z
             own_height += from_height
+            own_theta += marks.doubt_theta[n]
+            own_height += marks.doubt_height[n]
         else:
             flags |= FLAG_PREDICTED
             out.theta[k, n] = marks.theta[n]
@@ -181,6 +185,9 @@ def write_results(
                 flags |= FLAG_CLIPPED
             if outcome[n] == HIDDEN or outcome[n] == COVERED:
                 flags |= FLAG_OCCLUDED
+        if marks.left_theta[n] != 0.0 or marks.left_height[n] != 0.0:
+            own_theta += _follow(out.theta, marks.left_theta, k, n, own_theta)
+            own_height += _follow(out.height, marks.left_height, k, n, own_height)
         out.sigma_theta[k, n] = math.sqrt(own_theta)
         out.sigma_height[k, n] = math.sqrt(own_height + twisted)
         if touching[n]:
@@ -188,6 +195,24 @@ def write_results(
         if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:
             flags |= FLAG_SLIPPED
         out.marker_flags[k, n] = flags
+
+
+@called
+def _follow(
+    out: FloatArray, left: FloatArray, k: int, n: int, variance: float
+) -> float:  # pragma: no cover
+    """Let what is published go over to a corrected value; return the variance of what is left.
+
+    Args:
+        out: Published values, shape (frames, markers); written.
+        left: What they still have of those before, shape (markers,); written.
+        k: Number of the frame.
+        n: Number of the marker.
+        variance: Of the value.
+    """
+    left[n] -= math.copysign(min(abs(left[n]), STEP * math.sqrt(variance)), left[n])
+    out[k, n] += left[n]
+    return float(left[n] * left[n])
 
 
 @called
@@ -214,10 +239,13 @@ def _mean_variances(
     """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
     weight = max(marks.weight[n], 1.0)
     return (
-        (MEAN_BIAS_ALONG * facing[0]) ** 2 + _scatter(marks.var_theta[n], facing[0]) / weight,
+        (MEAN_BIAS_ALONG * facing[0]) ** 2
+        + _scatter(marks.var_theta[n], facing[0]) / weight
+        + marks.doubt_theta[n],
         (MEAN_BIAS_ACROSS * facing[1]) ** 2
         + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
-        + _scatter(marks.var_height[n], facing[1]) / weight,
+        + _scatter(marks.var_height[n], facing[1]) / weight
+        + marks.doubt_height[n],
     )
 
 

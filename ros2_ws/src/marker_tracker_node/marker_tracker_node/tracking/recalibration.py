@@ -1,0 +1,218 @@
+"""Other numbers of camera, body and encoder, taken into use while a run goes on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.estimator.correction import Correction
+from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
+from marker_tracker_node.tracking.estimator.pictures import seen_again
+from marker_tracker_node.tracking.estimator.problem import ANGLE, AZIMUTH, LAP, MARKER, TIME, Z
+from marker_tracker_node.tracking.evidence import SightingLog
+from marker_tracker_node.tracking.state import (
+    PATH_STEP,
+    Burst,
+    Marks,
+    Rows,
+    Setup,
+    TrackerState,
+)
+from winding_core.units import MILLIMETRE, MILLIRADIAN
+
+FloatArray = NDArray[np.float64]
+
+# Numbers are corrected anew for places that change by so many of their doubts.
+_CHANGED = 0.5
+# Readings that are looked back upon, and those of which the speed is taken.
+_RECENT, _SPEED_ROWS = 512, 10
+_BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
+
+
+class Recalibration:
+    """What is corrected of the configured numbers, and what that has changed.
+
+    Attributes:
+        errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
+        moved: By how much the azimuth of P0 has grown with the camera [rad].
+        change: By how much its wound angle [rad] and z [m] from P0 have, shape (2, markers).
+        ahead: How much further than reported the cylinder has turned in the last frame [rad].
+        area: Logarithm of the expected area of a band over that of the configured numbers.
+    """
+
+    def __init__(self, markers: int) -> None:
+        """Start with the numbers of so many markers as configured."""
+        self.errors, self.change = np.zeros(COUNT), np.zeros((2, markers))
+        self.moved = self.ahead = self.area = 0.0
+        self._configured: Setup | None = None
+
+    @property
+    def remark(self) -> str:
+        """What is corrected, in words; empty while nothing is."""
+        turn, rise = np.abs(self.change).max(axis=1)
+        return self.made * (
+            f"positions are corrected by the pictures, by up to {turn / MILLIRADIAN:.1f} mrad and "
+            f"{rise / MILLIMETRE:.2f} mm"
+        )
+
+    @property
+    def made(self) -> bool:
+        """Whether anything is corrected."""
+        return bool(self.errors.any())
+
+    @property
+    def turns(self) -> bool:
+        """Whether that concerns encoder or times."""
+        return bool(self.errors[[SCALE, TIMES]].any())
+
+    def changes(self, found: Correction, marks: Marks) -> bool:
+        """Return whether a correction moves a marker by enough to be made."""
+        change = np.abs([found.theta, found.z] - _places(marks, found))
+        if not self.made:
+            return bool(found.errors.any())
+        return bool((change > _CHANGED * np.sqrt(found.doubt)).any())
+
+    def turned_ahead(self, motion: FloatArray, readings: FloatArray) -> FloatArray:
+        """Return how much further than reported the cylinder has turned [rad], shape (k,).
+
+        Args:
+            motion: As reported so far: times [s], counted from the first, and angles from the
+                landing of P0 [rad], shape (n, 2).
+            readings: Times of frames [s], and angles as reported [rad], shape (2, k).
+        """
+        t, angle = readings
+        late = (t - motion[0, 0]) * self.errors[TIMES] / (1.0 + self.errors[TIMES])
+        newer = readings[:, np.isfinite(angle) & (t > motion[-1, 0])]
+        times, angles = np.hstack([motion[-_RECENT:].T, newer])
+        few = slice(-_SPEED_ROWS, None)
+        passed = float(np.ptp(times[few]))
+        speed = float(angles[-1] - angles[few][0]) / passed if passed else 0.0
+        turned = np.interp(t - late, times, angles) + speed * np.maximum(t - late - times[-1], 0.0)
+        ahead = turned / (1.0 + self.errors[SCALE]) - angle
+        return np.asarray(np.where(np.isnan(ahead), self.ahead, ahead))
+
+    def as_configured(self, out: Burst, setup: Setup) -> FloatArray:
+        """Return the azimuths of the only frame of a burst with the configured numbers [rad]."""
+        rows = out.rows[0]
+        if self._configured is None:
+            return np.asarray(rows["azimuth"])
+        return np.asarray(_seen(_bands(rows), setup, self._configured)[:, 0])
+
+    def make(
+        self,
+        found: Correction,
+        state: TrackerState,
+        log: SightingLog,
+        memory: Iterable[Burst],
+        setups: tuple[Setup, Setup],
+    ) -> None:
+        """Take what was measured so far as corrected numbers have it.
+
+        Args:
+            found: The correction.
+            state: Written in place.
+            log: Its sightings are written.
+            memory: Bursts, written.
+            setups: With which was measured, and with which it is from now on.
+        """
+        marks, cylinder = state.marks, state.run.cylinder
+        self._configured = self._configured or setups[0]
+        self.change[:, found.markers] += [found.theta, found.z] - _places(marks, found)
+        self.moved += _measure_again(log.sightings, *setups)
+        factors = (1.0 + self.errors) / (1.0 + found.errors)
+        scale = float(factors[SCALE] * factors[TIMES])
+        for burst in memory:
+            rows = burst.rows.ravel()
+            rows["azimuth"], rows["seen_height"] = _seen(_bands(rows), *setups).T
+            burst.angle[:] *= scale
+        self.errors = found.errors
+        log.forget(found.unexplained)
+        reported = np.array([[float(cylinder.time)], [float(cylinder.angle) - self.ahead]])
+        ahead = float(self.turned_ahead(log.motion, reported)[0])
+        _turn(state, ahead - self.ahead, scale)
+        state.run.shift = self._shift(log)
+        _place(marks, found, math.exp(self.area - found.area))
+        self.ahead, self.area = ahead, found.area
+
+    def _shift(self, log: SightingLog) -> float:
+        """Return by how much the azimuth of P0 exceeds the cylinder's angle [rad]."""
+        seen = log.sightings[log.sightings[:, MARKER] == 0]
+        newest = seen[seen[:, LAP] == seen[:, LAP].max()]
+        angle = newest[:, ANGLE] + self.turned_ahead(log.motion, newest[:, [TIME, ANGLE]].T)
+        azimuth = newest[:, AZIMUTH] + 2.0 * math.pi * newest[:, LAP]
+        return float(np.median(azimuth - angle))
+
+
+def _places(marks: Marks, found: Correction) -> FloatArray:
+    """Return wound angle [rad] and z [m] from P0 of corrected markers, shape (2, k)."""
+    height = marks.height - marks.height[0]
+    return np.array([marks.theta[found.markers], height[found.markers]])
+
+
+def _seen(bands: FloatArray, old: Setup, new: Setup) -> FloatArray:
+    return seen_again(old.camera, old.body, new.camera, new.body, bands)
+
+
+def _bands(rows: Rows) -> FloatArray:
+    """Return the fields of `Band` of rows of SEEN, shape (k, 7)."""
+    return np.column_stack([rows[name] for name in _BAND])
+
+
+def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
+    """Write azimuth and z with a new setup; return by how much P0's azimuths grow [rad].
+
+    Args:
+        sightings: See `Seen.rows`, shape (k, 11).
+        old: With which they were measured.
+        new: With which they are.
+    """
+    bands = sightings[:, AZIMUTH:].copy()
+    bands[:, 0] += 2.0 * math.pi * sightings[:, LAP]
+    again = _seen(bands, old, new)
+    grown = again[:, 0] - bands[:, 0]
+    sightings[:, AZIMUTH] += grown
+    sightings[:, Z] = again[:, 1]
+    return float(grown[sightings[:, MARKER] == 0].mean())
+
+
+def _turn(state: TrackerState, ahead: float, scale: float) -> None:
+    """Take another angle of the cylinder.
+
+    Args:
+        state: Written in place.
+        ahead: How much further it has turned than was taken [rad].
+        scale: By what wound angles are multiplied.
+    """
+    run = state.run
+    run.cylinder.angle += ahead
+    run.cylinder.read += ahead
+    run.guide.since += ahead
+    if scale == 1.0:
+        return
+    places, filled = PATH_STEP * np.arange(state.paths.shape[1]), run.path_filled
+    for path in state.paths:
+        path[:] = np.interp(places / scale, places[:filled], path[:filled])
+    run.path_filled = max(1, min(int(filled * scale), places.size))
+
+
+def _place(marks: Marks, found: Correction, area: float) -> None:
+    """Take other places of the markers; what is published goes over to them.
+
+    Args:
+        marks: Written in place.
+        found: The correction.
+        area: By what measured over expected areas are multiplied.
+    """
+    known = found.markers
+    turn, rise = [found.theta, found.z] - _places(marks, found)
+    marks.left_theta[known] -= turn
+    marks.left_height[known] -= rise
+    for name in ("theta", "recent", "reference"):
+        getattr(marks, name)[known] += turn
+    marks.height[known] = found.z
+    marks.area[known] *= area
+    # They may be other markers, or none.
+    marks.known[found.unexplained] = False
