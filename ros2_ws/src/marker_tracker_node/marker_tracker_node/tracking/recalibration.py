@@ -12,7 +12,7 @@ from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.pictures import seen_again
 from marker_tracker_node.tracking.estimator.problem import ANGLE, AZIMUTH, LAP, MARKER, TIME, Z
-from marker_tracker_node.tracking.evidence import SightingLog
+from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import (
     PATH_STEP,
     Burst,

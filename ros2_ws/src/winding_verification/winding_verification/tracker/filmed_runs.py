@@ -158,6 +158,8 @@ def summary(outcomes: Iterable[Outcome]) -> str:
     lines = [
         f"right configurations: {len(right)}, without alarm {sum(one.right for one in right)}",
         f"wrong numbers: {len(wrong)}, " + ", ".join(f"{k} {n}" for k, n in kinds.most_common()),
+        "published more than 5 deviations from the truth while healthy: "
+        f"{sum(one.far > _FAR and one.healthy for one in found)}",
         f"frames refused with right stamps: {sum(one.refused for one in found)}",
         f"CPU a run: {np.mean([one.cpu for one in found]):.2f} s",
     ]

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, USUAL_AREA, Seen
-from marker_tracker_node.tracking.evidence import RunEvidence, SightingLog
+from marker_tracker_node.tracking.evidence import RunEvidence
+from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
 
 FloatArray = NDArray[np.float64]

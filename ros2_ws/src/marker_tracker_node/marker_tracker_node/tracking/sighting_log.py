@@ -1,0 +1,184 @@
+"""The log of a run's sightings: where markers were seen lap by lap, and how often they were not."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from marker_tracker_node.tracking.state import Burst, FlagArray, IndexArray, Rows
+from winding_core.compiling import called, compiled
+from winding_core.markers import MarkerFlag
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+
+_TURN = 2.0 * math.pi
+# The log of sightings.
+_OCCLUDED = int(MarkerFlag.OCCLUDED)
+# Rows kept; a full log drops what lies between the first and the newest quarter.
+_ROWS = 16384
+_QUARTER = _ROWS // 4
+_COLUMNS = ("marker", "lap", "t", "angle", "azimuth")
+# Of a sighting that are kept as they are in `Output`.
+_AS_SEEN = ("seen_height", "slope", "low", "high", "below", "above")
+# Columns of `_passings`: those and two more.
+_PASSING = len(_COLUMNS) + len(_AS_SEEN) + 2
+# Every so many rows and columns of a picture show how bright it is.
+_LIGHT_STRIDE = 16
+
+
+@dataclass
+class Lap:
+    """One passing of a marker before the camera."""
+
+    measured: int = 0  # Frames that measured the marker
+    missed: int = 0  # Frames that had it in sight and did not find it
+    light: float = 0.0  # Sum of their mean grey levels
+
+    @property
+    def frames(self) -> int:
+        """Frames that had the marker in sight."""
+        return self.measured + self.missed
+
+
+class SightingLog:
+    """Takes what frames yielded.
+
+    Attributes:
+        laps: By marker and lap; the laps of a marker are counted by its azimuth.
+    """
+
+    def __init__(self) -> None:
+        self.laps: dict[tuple[int, int], Lap] = {}
+        self._rows = _Table((*_COLUMNS, *_AS_SEEN))
+        self._motion = _Table(("t", "angle"))
+
+    @property
+    def sightings(self) -> FloatArray:
+        """Measured bands, see `Seen.rows`, shape (n, 11)."""
+        return self._rows.values
+
+    @property
+    def motion(self) -> FloatArray:
+        """The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad]."""
+        return self._motion.values
+
+    def forget(self, numbers: IndexArray) -> None:
+        """Forget the sightings of some markers."""
+        self._rows.keep(~np.isin(self._rows.values[:, 0], numbers))
+
+    def take(self, frames: ByteArray, kept: IndexArray, readings: FloatArray, out: Burst) -> None:
+        """Take some frames of a burst.
+
+        Args:
+            frames: Shape (k, rows, columns, 3).
+            kept: Numbers of those that are taken, shape (n,).
+            readings: See `update_burst`; a frame without the encoder's is not taken.
+            out: What the frames yielded.
+        """
+        motion, passings = _passings(frames, kept, readings, out.angle, out.ahead, out.rows)
+        self._motion.add(motion)
+        if not len(passings):
+            return
+        for n, number, missed, light in passings[:, [0, 1, -2, -1]].tolist():
+            place = int(n), int(number)
+            if (lap := self.laps.get(place)) is None:
+                lap = self.laps[place] = Lap()
+            lap.light += light
+            if missed:
+                lap.missed += 1
+            else:
+                lap.measured += 1
+        self._rows.add(passings[passings[:, -2] == 0.0, :-2])
+
+
+class _Table:
+    """Rows of numbers: the first of a run and the newest."""
+
+    def __init__(self, columns: tuple[str, ...]) -> None:
+        self._values = np.zeros((_ROWS, len(columns)))
+        self._count = 0
+
+    @property
+    def values(self) -> FloatArray:
+        """The rows, as a view."""
+        return self._values[: self._count]
+
+    def keep(self, kept: FlagArray) -> None:
+        """Keep some of the rows, shape (n,)."""
+        self._count = int(kept.sum())
+        self._values[: self._count] = self._values[: kept.size][kept]
+
+    def add(self, rows: FloatArray) -> None:
+        """Take rows, shape (n, columns)."""
+        while len(rows):
+            if self._count == _ROWS:
+                self._values[_QUARTER : 2 * _QUARTER] = self._values[-_QUARTER:]
+                self._count = 2 * _QUARTER
+            taken, rows = rows[: _ROWS - self._count], rows[_ROWS - self._count :]
+            self._values[self._count : self._count + len(taken)] = taken
+            self._count += len(taken)
+
+
+@compiled
+def _passings(
+    frames: ByteArray,
+    kept: IndexArray,
+    readings: FloatArray,
+    angles: FloatArray,
+    ahead: FloatArray,
+    rows: Rows,
+) -> tuple[FloatArray, FloatArray]:  # pragma: no cover
+    """Return what some frames of a burst show of markers that pass the camera.
+
+    Args:
+        frames: Shape (k, rows, columns, 3).
+        kept: Numbers of those that count, shape (n,).
+        readings: See `update_burst`; a frame without the encoder's does not count.
+        angles: Of the cylinder [rad], shape (k,).
+        ahead: See `Burst`.
+        rows: Of SEEN, shape (k, markers).
+
+    Returns:
+        See `SightingLog.motion`, shape (m, 2); and `SightingLog.sightings`, then whether the
+        marker was in sight and not found, and the mean grey level of the frame, shape (n, 13).
+    """
+    motion, count = np.empty((kept.size, 2)), 0
+    found, passings = np.empty((kept.size * rows.shape[1], _PASSING)), 0
+    for k in kept:
+        if math.isnan(readings[1, k]):
+            continue
+        motion[count, 0], motion[count, 1] = readings[0, k], angles[k] - ahead[k]
+        count += 1
+        light = math.nan
+        for n in range(rows.shape[1]):
+            row, azimuth = rows[k, n], rows[k, n].azimuth
+            missed = math.isnan(azimuth)
+            if missed:
+                if not row.marker_flags & _OCCLUDED:
+                    continue
+                azimuth = angles[k] - row.theta
+            if math.isnan(light):
+                light = _grey_level(frames[k])
+            lap = round(azimuth / _TURN)
+            one = found[passings]
+            one[0], one[1], one[2], one[3] = n, lap, readings[0, k], motion[count - 1, 1]
+            one[4], one[5], one[6] = azimuth - _TURN * lap, row.seen_height, row.slope
+            one[7], one[8], one[9], one[10] = row.low, row.high, row.below, row.above
+            one[11], one[12] = missed, light
+            passings += 1
+    return motion[:count], found[:passings]
+
+
+@called
+def _grey_level(pixels: ByteArray) -> float:  # pragma: no cover
+    """Return how bright a frame of shape (rows, columns, 3) is."""
+    shown = pixels[::_LIGHT_STRIDE, ::_LIGHT_STRIDE]
+    total = 0
+    for v in range(shown.shape[0]):
+        for u in range(shown.shape[1]):
+            total += shown[v, u, 0] + shown[v, u, 1] + shown[v, u, 2]
+    return float(total / shown.size)

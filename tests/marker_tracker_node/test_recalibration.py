@@ -1,0 +1,164 @@
+"""What the sightings show of wrong numbers is taken out of what is published."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from marker_film import DRIVE, FilmMaker, encoder, pinhole
+
+from marker_tracker_node import CameraPose, Tracker
+from marker_tracker_node.tracking.estimator.correction import correction
+from marker_tracker_node.tracking.estimator.problem import Problem
+from marker_tracker_node.tracking.estimator.verdict import judged
+from winding_core.markers import MarkerFlag, Markers
+from winding_verification.tracker.scenes import World
+from winding_verification.tracker.sightings import quick, sightings
+from winding_verification.tracker.wrong_numbers import WrongNumber
+
+FPS = 40.0
+UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
+DRAWN = quick(replace(World.drawn(1), rest=0.6))
+
+Frames = list[tuple[float, np.ndarray]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrong:
+    """Numbers of a tracker's configuration that are set wrongly."""
+
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # By so much [rad]
+    away: float = 0.0  # The camera's distance [m]
+    focal: float = 1.0  # Factor
+    reading: float = 1.0  # Factor on the encoder's angles
+    config: dict[str, float] = field(default_factory=dict)  # Factors on fields
+
+
+WRONG = {
+    "camera turned about its axis": Wrong(tilt=(0.0, 0.0, 0.02)),
+    "camera turned up": Wrong(tilt=(0.012, 0.0, 0.0)),
+    "camera too far": Wrong(away=8.0e-3),
+    "focal length 3 % short": Wrong(focal=0.97),
+    "cylinder 3 % thick": Wrong(config={"cylinder_radius": 1.03}),
+    "encoder 1 % short": Wrong(reading=0.99),
+    "encoder 1.5 % long": Wrong(reading=1.015),
+}
+
+
+@pytest.fixture(scope="module")
+def filmed(paper_film: FilmMaker) -> tuple[Any, Frames]:
+    film = paper_film(4)
+    return film, [(t, frame) for t, frame, *_ in film.frames(FPS)]
+
+
+def followed(filmed: tuple[Any, Frames], wrong: Wrong) -> tuple[Tracker, list[Markers]]:
+    """Return the tracker of a film, explaining it as it goes, and what was published."""
+    film, frames = filmed
+    config = film.tracker().config
+    x, y, z = config.pose.position
+    tilt = tuple(np.add(config.pose.tilt, wrong.tilt).tolist())
+    pose = CameraPose(position=(x + wrong.away, y, z), tilt=tilt)
+    config = replace(
+        config, pose=pose, **{n: f * getattr(config, n) for n, f in wrong.config.items()}
+    )
+    tracker = Tracker(config, pinhole(film.camera, wrong.focal))
+    published = []
+    for t, frame in frames:
+        angle, guide = DRIVE.positions(t)
+        published.append(tracker.track(frame, t, wrong.reading * encoder(angle), guide))
+        tracker.explain()
+    return tracker, published
+
+
+def off(found: Markers, truth: Markers) -> np.ndarray:
+    """Return by how many deviations theta and z of P1 and later differ, shape (2, markers)."""
+    names = (("theta", "sigma_theta"), ("z", "sigma_z"))
+    return np.abs([(found[a] - truth[a])[1:] / found[b][1:] for a, b in names])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_number_leaves_the_markers_where_they_are(
+    filmed: tuple[Any, Frames], name: str
+) -> None:
+    right, _ = followed(filmed, Wrong())
+    tracker, published = followed(filmed, WRONG[name])
+    truth, found = right.estimates(), tracker.estimates()
+    assert not (found["flags"] & int(MarkerFlag.NOT_WOUND)).any()
+    assert off(found, truth).max() < 1.5
+    assert tracker.report().remarks[-1].startswith("positions are corrected by the pictures")
+    # One frame has more of what the mask has wrong than a run: up to 3 deviations.
+    assert np.nanmax(off(published[-1], truth)) < 3.0
+
+
+def steps(published: list[Markers]) -> tuple[float, float]:
+    """Return the largest step between frames of what was seen, and the way of P1, in sigma."""
+    largest, way = 0.0, []
+    for before, after in itertools.pairwise(published):
+        known = ((before["flags"] | after["flags"]) & UNSEEN) == 0
+        known[0] = False
+        for name, sigma in (("theta", "sigma_theta"), ("z", "sigma_z")):
+            step = np.abs(after[name] - before[name]) / np.maximum(before[sigma], after[sigma])
+            largest = max(largest, float(step[known].max(initial=0.0)))
+        if known[1]:
+            way.append(after["z"][1] / before["sigma_z"][1])
+    return largest, abs(way[-1] - way[0])
+
+
+@pytest.mark.slow
+def test_published_values_go_over_to_corrected_ones_without_a_jump(
+    filmed: tuple[Any, Frames],
+) -> None:
+    right, _ = steps(followed(filmed, Wrong())[1])
+    largest, way = steps(followed(filmed, WRONG["focal length 3 % short"])[1])
+    assert way > 5.0
+    assert largest <= right
+
+
+@pytest.mark.slow
+def test_right_numbers_are_not_corrected(filmed: tuple[Any, Frames]) -> None:
+    tracker, _ = followed(filmed, Wrong())
+    assert tracker.report().remarks == ()
+    assert tracker.pose == tracker.config.pose or tracker.zeroed
+    np.testing.assert_array_equal(tracker.lens.k, tracker.camera.k)
+
+
+@pytest.mark.parametrize(
+    ("number", "size"),
+    [
+        ("encoder_scale", -0.02),
+        ("frame_times", 0.03),
+        ("camera_distance", -0.01),
+        ("camera_roll", 0.01),
+        ("camera_tilt_x", 0.02),
+        ("focal_length", 0.04),
+        ("cylinder_diameter", -0.03),
+        ("cable_diameter", 0.2),
+    ],
+)
+def test_the_estimate_holds_the_markers_within_its_deviations(number: str, size: float) -> None:
+    problem = Problem(sightings(DRAWN, (WrongNumber(number=number, size=size),), 7))
+    found = correction(problem, judged(problem), made=False)
+    assert found is not None
+    theta, z = DRAWN.markers
+    # Three deviations, and what noise of 0.07 px leaves of a mean.
+    sigma = np.sqrt(found.doubt) + np.array([[3.0e-4], [2.0e-5]])
+    away = np.abs([found.theta - theta[found.markers], found.z - z[found.markers]])
+    assert (away < 3.0 * sigma).all()
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_right_numbers_have_no_correction(seed: int) -> None:
+    problem = Problem(sightings(quick(World.drawn(100 + seed)), (), seed))
+    assert correction(problem, judged(problem), made=False) is None
+
+
+def test_an_estimate_that_is_no_longer_carried_is_taken_back() -> None:
+    problem = Problem(sightings(DRAWN, (), 5))
+    found = correction(problem, judged(problem), made=True)
+    assert found is not None
+    assert not found.errors.any()
+    assert not found.doubt.any()
