@@ -36,6 +36,7 @@ class Recalibration:
     """What is corrected of the configured numbers, and what that has changed.
 
     Attributes:
+        made: Whether anything is corrected.
         errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
         moved: By how much the azimuth of P0 has grown with the camera [rad].
         change: By how much its wound angle [rad] and z [m] from P0 have, shape (2, markers).
@@ -47,6 +48,7 @@ class Recalibration:
         """Start with the numbers of so many markers as configured."""
         self.errors, self.change = np.zeros(COUNT), np.zeros((2, markers))
         self.moved = self.ahead = self.area = 0.0
+        self.made = False
         self._configured: Setup | None = None
 
     @property
@@ -59,11 +61,6 @@ class Recalibration:
         )
 
     @property
-    def made(self) -> bool:
-        """Whether anything is corrected."""
-        return bool(self.errors.any())
-
-    @property
     def turns(self) -> bool:
         """Whether that concerns encoder or times."""
         return bool(self.errors[[SCALE, TIMES]].any())
@@ -72,7 +69,7 @@ class Recalibration:
         """Return whether a correction moves a marker by enough to be made."""
         change = np.abs([found.theta, found.z] - _places(marks, found))
         if not self.made:
-            return bool(found.errors.any())
+            return found.carried
         return bool((change > _CHANGED * np.sqrt(found.doubt)).any())
 
     def turned_ahead(self, motion: FloatArray, readings: FloatArray) -> FloatArray:
@@ -128,7 +125,7 @@ class Recalibration:
             rows = burst.rows.ravel()
             rows["azimuth"], rows["seen_height"] = _seen(_bands(rows), *setups).T
             burst.angle[:] *= scale
-        self.errors = found.errors
+        self.errors, self.made = found.errors, found.carried
         log.forget(found.unexplained)
         reported = np.array([[float(cylinder.time)], [float(cylinder.angle) - self.ahead]])
         ahead = float(self.turned_ahead(log.motion, reported)[0])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.estimator.carried import carried_correction
+from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.configured import body_without, camera_without
 from marker_tracker_node.tracking.estimator.fit import fitted
 from marker_tracker_node.tracking.estimator.numbers import CABLE, COUNT, NUMBERS, TILT, ZERO
@@ -29,7 +29,7 @@ CARRIED = 4.0
 # Numbers beside the pose that are not taken as they are configured. Paint that is not as thick as
 # the cable looks like a cable of another diameter.
 _DOUBTS = {number: NUMBERS[number].doubt for number in (ZERO, CABLE)}
-_POSE = slice(TILT, TILT + 6)
+_POSE = np.arange(TILT, TILT + 6)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +80,7 @@ def refine(
     start, nominal = problem.start.copy(), config.pose.numbers - sightings.pose.numbers
     start[_POSE] = nominal
     best = fitted(problem, prior, start)
-    rest = np.delete(np.arange(prior.size), _POSE)
-    information = (best.normal + np.diag(prior))[np.ix_(rest, rest)]
-    # What a change of the pose does to everything else, and what the data alone know of it.
-    follow = np.linalg.solve(information, best.normal[rest, _POSE])
-    data = best.normal[_POSE, _POSE] - best.normal[_POSE, rest] @ follow
+    data, follow, information = data_information(best, _POSE)
     moved, covariance = carried_correction(
         data, nominal - best.x[_POSE], nominal, belief.sigmas, CARRIED
     )
@@ -92,7 +88,9 @@ def refine(
     held = Problem(replace(seen, nominal=pose))
     x = fitted(held, held.doubting(_DOUBTS), held.start).x
     spread = np.zeros(x.size)
-    spread[rest] = np.diag(np.linalg.inv(information) + follow @ covariance @ follow.T)
+    spread[np.delete(np.arange(x.size), _POSE)] = np.diag(
+        np.linalg.inv(information) + follow @ covariance @ follow.T
+    )
     markers, count = held.markers, held.markers.size
     theta, z = slice(COUNT, COUNT + count), slice(COUNT + count, COUNT + 2 * count)
     if not moved.any():

@@ -66,5 +66,6 @@ class TrackerReport:
     @property
     def healthy(self) -> bool:
         """Whether nothing is wrong at the moment."""
-        against = (self.colour_refusal, self.clock_doubt, self.contradictions, self.doubts)
+        wrong = [item for item in self.contradictions if not item.doubted]
+        against = (self.colour_refusal, self.clock_doubt, wrong, self.doubts)
         return not any(against) and self.known > 0

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraPose
+from marker_tracker_node.tracking.estimator.numbers import COUNT
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -32,6 +33,7 @@ class Sightings:
     below: FloatArray  # Distance of the turn at -z, see `Band` [m], shape (k,)
     above: FloatArray  # The same at +z, shape (k,)
     pose: CameraPose  # Of the camera with which azimuth and z were computed
-    without: FloatArray  # Errors of focal length and body taken off for that, see `Seen`
     mean_theta: FloatArray
     mean_z: FloatArray  # Run mean of z from P0 [m], likewise
+    # Errors of focal length and body that were taken off for that, see `Seen`.
+    without: FloatArray = field(default_factory=lambda: np.zeros(COUNT))

@@ -314,6 +314,7 @@ class Tracker:
             rows=self._evidence.log.sightings,
             motion=self._evidence.log.motion,
             area=float(np.median(np.log(area))) + self._numbers.area if area.size else math.nan,
+            begun=self._start.zero.pose,
             without=self._numbers.errors,
             zeroed=self.origin == 0.0,
             camera=self.camera,

@@ -5,7 +5,28 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.tracking.estimator.fit import Fit
+
 FloatArray = NDArray[np.float64]
+IndexArray = NDArray[np.int64]
+
+
+def data_information(fit: Fit, chosen: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return what the sightings alone know of some unknowns of a fit.
+
+    Args:
+        fit: Converged.
+        chosen: Places of the unknowns, shape (n,).
+
+    Returns:
+        Information on them without their prior, (n, n); what a change of them takes off every
+        other unknown, (others, n); and information on the others, (others, others).
+    """
+    rest = np.delete(np.arange(fit.x.size), chosen)
+    others = fit.normal[np.ix_(rest, rest)] + np.diag(fit.prior[rest] + 1.0e-9)
+    across = fit.normal[np.ix_(rest, chosen)]
+    follow = np.asarray(np.linalg.solve(others, across), dtype=float)
+    return fit.normal[np.ix_(chosen, chosen)] - across.T @ follow, follow, others
 
 
 def carried_correction(

@@ -21,6 +21,7 @@ class Contradiction:
         share: By how much it is set too large, relative; nan where that is not known.
         sigma: Standard error of the share; nan where it is not known.
         alternatives: Names of the numbers that explain the pictures as well.
+        doubted: Whether the error is within what is doubted of the number: then it is corrected.
     """
 
     number: str
@@ -28,6 +29,7 @@ class Contradiction:
     share: float = math.nan
     sigma: float = math.nan
     alternatives: tuple[str, ...] = ()
+    doubted: bool = False
 
     @property
     def names(self) -> frozenset[str]:
@@ -64,4 +66,5 @@ def _contradiction(group: tuple[Explanation, ...], explained: bool) -> Contradic
         share=best.error if relative else math.nan,
         sigma=best.sigma if relative else math.nan,
         alternatives=tuple(names[1:]),
+        doubted=best.doubted,
     )

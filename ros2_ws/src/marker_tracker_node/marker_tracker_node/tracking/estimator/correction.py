@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.estimator.carried import carried_correction
+from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.fit import fitted
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
@@ -29,12 +29,13 @@ class Correction:
     """What is measured with from now on.
 
     Attributes:
-        errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,);
-            zero where the sightings do not carry a correction.
+        carried: Whether the sightings carry a correction of the numbers with which the run began.
+        errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
         doubt: Variances of theta [rad^2] and z [m^2] that follow from what is not known of
             corrected numbers, shape (2, k).
     """
 
+    carried: bool
     errors: FloatArray
     markers: IndexArray  # Numbers of those that were seen, shape (k,)
     theta: FloatArray  # Their wound angles from P0 [rad], shape (k,)
@@ -59,14 +60,12 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         return None
     fit = verdict.best
     numbers, rest = slice(0, COUNT), np.arange(COUNT, fit.x.size)
-    information = (fit.normal + np.diag(fit.prior + 1.0e-9))[np.ix_(rest, rest)]
-    # What a change of the numbers does to everything else, and what the data alone know of it.
-    follow = np.linalg.solve(information, fit.normal[rest, numbers])
-    data = fit.normal[numbers, numbers] - fit.normal[numbers, rest] @ follow
-    configured, sigmas = np.zeros(COUNT), fit.prior[numbers] ** -0.5
-    errors, covariance = carried_correction(data, fit.x[numbers], configured, sigmas, _CARRIED)
-    if not (errors.any() or made):
+    data, follow, _ = data_information(fit, np.arange(COUNT))
+    begun, sigmas = problem.begun, fit.prior[numbers] ** -0.5
+    moved, covariance = carried_correction(data, fit.x[numbers] - begun, -begun, sigmas, _CARRIED)
+    if not (moved.any() or made):
         return None
+    errors = begun + moved
     start = fit.x.copy()
     start[numbers] = errors
     start[rest] -= follow @ (errors - fit.x[numbers])
@@ -84,12 +83,13 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     for one, share in zip(others, likely, strict=True):
         doubt += share / sum(likely) * (_places(problem, one.fit.x) - places) ** 2
     return Correction(
+        carried=bool(moved.any()),
         errors=errors,
         markers=problem.markers[clear],
         unexplained=problem.markers[~clear],
         theta=places[0, clear],
         z=places[1, clear],
-        doubt=errors.any() * doubt[:, clear],
+        doubt=moved.any() * doubt[:, clear],
         area=problem.area_of(errors),
     )
 

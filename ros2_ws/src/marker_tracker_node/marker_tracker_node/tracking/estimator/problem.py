@@ -97,6 +97,7 @@ class Seen:
     used: CameraPose
     nominal: CameraPose
     body: Body
+    begun: CameraPose | None = None
     without: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
     @classmethod
@@ -215,6 +216,14 @@ class Problem:
         hidden = np.isnan(off).any(axis=1)
         off[hidden], slopes[hidden] = _HIDDEN, 0.0
         return off, slopes
+
+    @property
+    def begun(self) -> FloatArray:
+        """Errors of the numbers with which the run began, shape (numbers,)."""
+        errors, seen = np.zeros(COUNT), self._seen
+        if seen.begun is not None:
+            errors[TILT : TILT + 6] = seen.nominal.numbers - seen.begun.numbers
+        return errors
 
     def unexplained(self, x: FloatArray) -> FloatArray:
         """Return the median square of what is left of each marker's sightings, in its variance.
