@@ -27,10 +27,10 @@ from winding_core.compiling import called, compiled
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-# Inside the cable, where nothing of what stands behind it shows [half widths].
-INSIDE = 0.92
+# A pixel that the rim runs through shows what stands behind the cable: so far from the rim [groups]
+# rows are compared, but within this share of half the width at least.
+RIM, LEAST_INSIDE = 1.5, 0.5
 SAMPLES = 49
-SPACING = 2.0 * INSIDE / (SAMPLES - 1)
 PASSES = 2
 LEAST_PIVOT = 1.0e-12
 # How far the cable may be from where it is sought in each row, and where it lands from where it
@@ -64,12 +64,13 @@ def aligned_rows(
         seen[0, k] = rows.place[k, u]
         halves[k] = rows.half[k, u] / math.cos(span.angle)
         scales[k] = rows.z[k, u + 1] - rows.z[k, u]
+    inside = max(1.0 - RIM / halves.min(), LEAST_INSIDE)
     moved, sigma = np.zeros(number), np.empty(number)
     profiles = np.empty((number, SAMPLES))
     for _ in range(PASSES):
         for k in range(number):
-            _profile(signals[k], columns[k] + moved[k], halves[k], profiles[k])
-        _compare(profiles, halves, moved, sigma)
+            _profile(signals[k], columns[k] + moved[k], inside * halves[k], profiles[k])
+        _compare(profiles, inside * halves, moved, sigma)
     mean, weights = 0.0, 0.0
     for k in range(number):
         weight = 1.0 / max(sigma[k], 1.0e-3) ** 2
@@ -101,12 +102,12 @@ def _column_of(z: FloatArray, wanted: float) -> float:  # pragma: no cover
 
 @called
 def _profile(
-    signal: FloatArray, column: float, half: float, profile: FloatArray
+    signal: FloatArray, column: float, reach: float, profile: FloatArray
 ) -> None:  # pragma: no cover
     """Write a cable's brightness over its mean, by cubic interpolation, shape (SAMPLES,)."""
     total = 0.0
     for i in range(SAMPLES):
-        at = column + half * (i * SPACING - INSIDE)
+        at = column + reach * (2.0 * i / (SAMPLES - 1) - 1.0)
         low = min(max(math.floor(at), 1), signal.size - 3)
         t = at - low
         a, b, c, d = signal[low - 1], signal[low], signal[low + 1], signal[low + 2]
@@ -120,7 +121,7 @@ def _profile(
 
 @called
 def _compare(
-    profiles: FloatArray, halves: FloatArray, moved: FloatArray, sigma: FloatArray
+    profiles: FloatArray, reaches: FloatArray, moved: FloatArray, sigma: FloatArray
 ) -> None:  # pragma: no cover
     """Move each row to where it fits the mean of all, and tell how well it does.
 
@@ -128,18 +129,18 @@ def _compare(
 
     Args:
         profiles: Over their means, shape (rows, SAMPLES).
-        halves: Half the cable's width in each row [groups], shape (rows,).
+        reaches: Half the width that is compared in each row [groups], shape (rows,).
         moved: By how much each row is moved [groups], shape (rows,), to be improved.
         sigma: Standard deviation of that [groups], shape (rows,), to be written.
     """
-    number = halves.size
+    number = reaches.size
     mean, steep = np.zeros(SAMPLES), np.empty(SAMPLES)
     for k in range(number):
         for i in range(SAMPLES):
             mean[i] += profiles[k, i] / number
     for i in range(SAMPLES):
         low, high = max(i - 1, 0), min(i + 1, SAMPLES - 1)
-        steep[i] = (mean[high] - mean[low]) / ((high - low) * SPACING)
+        steep[i] = 0.5 * (mean[high] - mean[low]) * (SAMPLES - 1) / (high - low)
     level = tilt = spread = 0.0
     for i in range(SAMPLES):
         level += mean[i] / SAMPLES
@@ -155,7 +156,7 @@ def _compare(
     if determinant <= LEAST_PIVOT:
         # All the same from rim to rim: nothing tells where a row stands.
         for k in range(number):
-            sigma[k] = halves[k]
+            sigma[k] = reaches[k]
         return
     for k in range(number):
         base, cy, ty = 0.0, 0.0, 0.0
@@ -168,10 +169,10 @@ def _compare(
         for i in range(SAMPLES):
             explained = base + gain * (mean[i] - level) + shift * (steep[i] - tilt)
             left += (profiles[k, i] - explained) ** 2 / SAMPLES
-        moved[k] -= shift * halves[k] / max(gain, 0.3)
+        moved[k] -= shift * reaches[k] / max(gain, 0.3)
         # As many samples tell something of their own as there are groups of columns.
-        own = math.sqrt(max(2.0 * INSIDE * halves[k], 1.0))
-        sigma[k] = halves[k] * math.sqrt(left) / (math.sqrt(max(spread, 1.0e-12)) * own)
+        own = math.sqrt(max(2.0 * reaches[k], 1.0))
+        sigma[k] = reaches[k] * math.sqrt(left) / (math.sqrt(max(spread, 1.0e-12)) * own)
 
 
 @compiled
