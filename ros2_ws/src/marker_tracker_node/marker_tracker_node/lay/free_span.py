@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay.config import Machine
 from marker_tracker_node.lay.row_measurement import PLACE, SIGMA, Z, median
 from winding_core.compiling import called
 
@@ -89,9 +90,9 @@ def towards_guide(
     found: FloatArray,
     counts: IndexArray,
     guide_z: float,
-    free_length: float,
+    reach: float,
     limit: float,
-    onward: float,
+    machine: Machine,
 ) -> float:  # pragma: no cover
     """Return where a straight cable to the guide lands that most rows show [m].
 
@@ -99,9 +100,9 @@ def towards_guide(
         found: Of each row of the free span, see `measure_row`; shape (rows, n, 7).
         counts: Turns in each row, shape (rows,).
         guide_z: [m]
-        free_length: Expected [m].
+        reach: How far from P0 along the cylinder there can be cable [m].
         limit: How far rows may be off it [m].
-        onward: 1 where the winding goes towards +z, -1 otherwise; dimensionless.
+        machine: Cylinder and cable.
 
     Returns:
         nan where fewer than three rows, or less than half of them, agree.
@@ -109,16 +110,16 @@ def towards_guide(
     best, farthest, start = max(3, (counts.size + 1) // 2), -math.inf, math.nan
     for k in range(counts[0]):
         way, z = found[0, k, PLACE], found[0, k, Z]
-        if onward * z > onward * guide_z + limit:
-            continue
-        slope = (guide_z - z) / (free_length - way)
+        slope = (guide_z - z) / (machine.free_length - way)
         landing = z - slope * way
+        if abs(landing) > reach:
+            continue
         agreeing = 0
         for row in range(counts.size):
             agreeing += nearest_in_row(found[row], counts[row], landing, slope, limit) >= 0
         # Of lines that as many rows show, older turns among them, the newest lies farthest along.
-        if agreeing > best or (agreeing == best and onward * z > farthest):
-            best, farthest, start = agreeing, onward * z, landing
+        if agreeing > best or (agreeing == best and machine.onward * z > farthest):
+            best, farthest, start = agreeing, machine.onward * z, landing
     return start
 
 

@@ -22,6 +22,10 @@ from winding_core.lay.records import LayRecords
 SPAN_STEPS = 1.0
 # A span whose angle is known no better is none [rad], nor one that fewer of its rows show.
 MOST_DOUBT, MOST_ROWS = 0.01, 0.6
+# No cable is laid with a greater slope, dz per way.
+STEEPEST = 0.5
+# How far the slope of a straight cable to the guide may be off, and the share by which its length.
+OFF_GUIDE, LENGTH_DOUBT = 0.02, 0.25
 # A span that was seen so long ago may be anywhere [rad].
 SPAN_MEMORY = 0.5
 
@@ -168,11 +172,14 @@ class LayTracker:
         return int(take_row(frame, self._wound, k, self._turns.places, self._machine, moment))
 
     def _farthest(self, reading: LayReading) -> float:
-        """Return how far along the cylinder there can be cable [m]: up to the guide."""
-        guide = reading.guide_z
+        """Return how far along the cylinder there can be cable [m]: up to the guide or the span."""
+        guide, landing = reading.guide_z, self._landing(reading.cylinder_angle)
         if not math.isfinite(guide):
             guide = self.config.advance_per_radian * reading.cylinder_angle
-        return self.config.onward * guide + self.config.diameter
+        ahead = self.config.onward * guide
+        if math.isfinite(landing):
+            ahead = max(ahead, self.config.onward * landing)
+        return ahead + self.config.diameter
 
     def _take_free(self, frame: ByteArray, reading: LayReading) -> None:
         """Measure the free span, if its rows show one."""
@@ -186,9 +193,31 @@ class LayTracker:
         if self.span is not None and abs(angle - self._span_at) < SPAN_MEMORY:
             start = self._turns.near(angle, SPAN_MEMORY, self._slope())
             start, slope = start if math.isfinite(start) else self.span.contact_z, self.span.slope
-        span = FreeSpan(*span_in(frame, self._free, start, slope, guide, self._machine))
-        if span.rows < MOST_ROWS * self._free.row.size or span.sigma_angle > MOST_DOUBT:
+        reach = 2.0 * config.diameter + STEEPEST * config.rho * max(angle, 0.0)
+        for begin in ((start, slope), (math.nan, math.nan)):
+            found = span_in(frame, self._free, *begin, guide, reach, self._machine)
+            span = FreeSpan(*found)
+            if self._leads_to(span, reading.guide_z):
+                break
+        else:
             return
         self.span, self._span_at = span, angle
+        pose = config.pose.position
+        self._turns.add(
+            angle,
+            span.contact_z,
+            slope=self._slope(),
+            sigma=span.sigma_contact_z,
+            floor=0.0,
+            whole=True,
+            steep=(span.contact_z - pose[2]) / (pose[0] - config.rho),
+        )
         if math.isfinite(reading.guide_z):
             self._length.add(span, reading.guide_z)
+
+    def _leads_to(self, span: FreeSpan, guide: float) -> bool:
+        """Return whether a span is well seen and leads to where the guide stands [m], if known."""
+        if span.rows < MOST_ROWS * self._free.row.size or span.sigma_angle > MOST_DOUBT:
+            return False
+        straight = (guide - span.contact_z) / self.config.free_length
+        return not abs(span.slope - straight) > OFF_GUIDE + LENGTH_DOUBT * abs(straight)

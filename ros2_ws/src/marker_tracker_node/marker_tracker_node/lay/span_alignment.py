@@ -182,6 +182,7 @@ def span_in(
     start: float,
     slope: float,
     guide_z: float,
+    reach: float,
     machine: Machine,
 ) -> FreeSpan:  # pragma: no cover
     """Return the free span that a picture shows, NO_SPAN if it shows none.
@@ -192,6 +193,7 @@ def span_in(
         start: Where it should land [m], nan if that is not known.
         slope: Its expected dz per way towards the guide.
         guide_z: Where the guide stands [m].
+        reach: How far from P0 along the cylinder there can be cable [m].
         machine: Cylinder and cable.
     """
     number, groups = rows.z.shape
@@ -200,7 +202,7 @@ def span_in(
         counts[k] = measure_row(pixels, rows, k, 0.0, found[k])
     if not math.isfinite(start):
         limit = STRAIGHT * machine.diameter
-        start = towards_guide(found, counts, guide_z, machine.free_length, limit, machine.onward)
+        start = towards_guide(found, counts, guide_z, reach, limit, machine)
         slope = (guide_z - start) / machine.free_length
     if not math.isfinite(start):
         return NO_SPAN
