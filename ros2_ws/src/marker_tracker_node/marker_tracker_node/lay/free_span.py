@@ -16,6 +16,11 @@ FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
 
+# Angles of so many looks err alike: the span lies on the same pixels. No picture's scale along the
+# span is known better than by this share.
+ALIKE, SCALE_DOUBT = 4.0, 0.003
+
+
 class FreeSpan(NamedTuple):
     """The straight cable before the contact line, in one instant."""
 
@@ -90,6 +95,7 @@ def towards_guide(
     found: FloatArray,
     counts: IndexArray,
     guide_z: float,
+    last: float,
     reach: float,
     limit: float,
     machine: Machine,
@@ -100,7 +106,8 @@ def towards_guide(
         found: Of each row of the free span, see `measure_row`; shape (rows, n, 7).
         counts: Turns in each row, shape (rows,).
         guide_z: [m]
-        reach: How far from P0 along the cylinder there can be cable [m].
+        last: Where the cable landed when that was known [m].
+        reach: How far from there it may land [m].
         limit: How far rows may be off it [m].
         machine: Cylinder and cable.
 
@@ -112,7 +119,7 @@ def towards_guide(
         way, z = found[0, k, PLACE], found[0, k, Z]
         slope = (guide_z - z) / (machine.free_length - way)
         landing = z - slope * way
-        if abs(landing) > reach:
+        if abs(landing - last) > reach:
             continue
         agreeing = 0
         for row in range(counts.size):
@@ -218,7 +225,7 @@ class FreeLength:
             guide_z: Where the guide stands [m].
         """
         row = np.array([guide_z - span.contact_z, 1.0])
-        weight = 1.0 / span.sigma_angle**2
+        weight = 1.0 / (ALIKE * span.sigma_angle**2)
         self._normal += weight * np.outer(row, row)
         self._right += weight * row * span.slope
 
@@ -232,4 +239,4 @@ class FreeLength:
         sigma = math.sqrt(max(float(covariance[0, 0]), 0.0))
         if inverse <= 3.0 * sigma:
             return math.nan, math.nan
-        return 1.0 / inverse, sigma / inverse**2
+        return 1.0 / inverse, math.hypot(sigma / inverse, SCALE_DOUBT) / inverse

@@ -193,25 +193,26 @@ class LayTracker:
         if self.span is not None and abs(angle - self._span_at) < SPAN_MEMORY:
             start = self._turns.near(angle, SPAN_MEMORY, self._slope())
             start, slope = start if math.isfinite(start) else self.span.contact_z, self.span.slope
-        reach = 2.0 * config.diameter + STEEPEST * config.rho * max(angle, 0.0)
+        # P0 lies at zero.
+        last, since = (0.0, 0.0) if self.span is None else (self.span.contact_z, self._span_at)
+        reach = 3.0 * config.diameter + STEEPEST * config.rho * abs(angle - since)
         for begin in ((start, slope), (math.nan, math.nan)):
-            found = span_in(frame, self._free, *begin, guide, reach, self._machine)
+            found = span_in(frame, self._free, *begin, guide, last, reach, self._machine)
             span = FreeSpan(*found)
             if self._leads_to(span, reading.guide_z):
                 break
         else:
             return
-        self.span, self._span_at = span, angle
-        pose = config.pose.position
-        self._turns.add(
-            angle,
-            span.contact_z,
-            slope=self._slope(),
-            sigma=span.sigma_contact_z,
-            floor=0.0,
-            whole=True,
-            steep=(span.contact_z - pose[2]) / (pose[0] - config.rho),
-        )
+        self._span_at = angle
+        pose, z = config.pose.position, span.contact_z
+        steep = (z - pose[2]) / (pose[0] - config.rho)
+        sigma, slope = span.sigma_contact_z, self._slope()
+        self._turns.add(angle, z, slope=slope, sigma=sigma, floor=0.0, whole=True, steep=steep)
+        if self._turns.lies_on_others(angle, z, config.overlap_limit * config.diameter):
+            # What lies higher looks farther from the middle of the picture than it is.
+            self.span = span._replace(sigma_contact_z=math.hypot(sigma, steep * config.diameter))
+            return
+        self.span = span
         if math.isfinite(reading.guide_z):
             self._length.add(span, reading.guide_z)
 

@@ -74,9 +74,11 @@ def lay_records(
     records["theta"] = theta
     # A soft cable may be pressed flat where it is thought to lie higher.
     doubt = LIFT_DOUBT * lift[seen] * np.abs(turns.places.steep[seen])
-    scatter = 1.0 / np.sqrt(turns.places.weight[seen])
+    # What rows are off each other counts beside what they state, as of a mean of so many.
+    scatter = turns.places.spread[seen] / max(config.azimuths - 1, 1)
+    scatter += 1.0 / turns.places.weight[seen]
     posed = 0.0 if pose_sigma is None else pose_sigma(z[seen])
-    records["sigma_z"] = np.sqrt(scatter**2 + turns.places.floor[seen] ** 2 + doubt**2 + posed**2)
+    records["sigma_z"] = np.sqrt(scatter + turns.places.floor[seen] ** 2 + doubt**2 + posed**2)
     records["pitch"] = pitch[seen]
     records["lift"] = lift[seen]
     records["flags"] = flags[seen]

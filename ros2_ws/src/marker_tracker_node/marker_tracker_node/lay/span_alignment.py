@@ -182,6 +182,7 @@ def span_in(
     start: float,
     slope: float,
     guide_z: float,
+    last: float,
     reach: float,
     machine: Machine,
 ) -> FreeSpan:  # pragma: no cover
@@ -193,7 +194,8 @@ def span_in(
         start: Where it should land [m], nan if that is not known.
         slope: Its expected dz per way towards the guide.
         guide_z: Where the guide stands [m].
-        reach: How far from P0 along the cylinder there can be cable [m].
+        last: Where the cable landed when that was known [m].
+        reach: How far from there it may land [m].
         machine: Cylinder and cable.
     """
     number, groups = rows.z.shape
@@ -202,7 +204,7 @@ def span_in(
         counts[k] = measure_row(pixels, rows, k, 0.0, found[k])
     if not math.isfinite(start):
         limit = STRAIGHT * machine.diameter
-        start = towards_guide(found, counts, guide_z, reach, limit, machine)
+        start = towards_guide(found, counts, guide_z, last, reach, limit, machine)
         slope = (guide_z - start) / machine.free_length
     if not math.isfinite(start):
         return NO_SPAN

@@ -33,6 +33,7 @@ class Places(NamedTuple):
     whole: FloatArray  # Share of sightings in which nothing lay on it
     steep: FloatArray  # Mean steepness of the rays, see `RowTables`
     floor: FloatArray  # Mean of the error that does not average out [m]
+    spread: FloatArray  # Mean square of what sightings are off the mean [m^2]
 
 
 class TurnMap:
@@ -75,6 +76,11 @@ class TurnMap:
         """Take a sighting, see `add_sighting`."""
         self.reserve(theta)
         add_sighting(self.places, theta, z, slope, sigma, floor, whole, steep)
+
+    def lies_on_others(self, theta: float, z: float, limit: float) -> bool:
+        """Return whether turns before a wound angle [rad] lie nearer to z than a limit [m]."""
+        before = self.places.z[self.place_of(theta) % PLACES_PER_TURN : self.place_of(theta)]
+        return bool((np.abs(before[::PLACES_PER_TURN] - z) < limit).any())
 
     def near(self, theta: float, reach: float, slope: float) -> float:
         """Return z [m] expected at a wound angle, see `expected_near`."""
@@ -136,8 +142,9 @@ def add_sighting(
     added = 1.0 / (sigma * sigma)
     total = weight + added
     share = added / total
-    known = places.z[place]
-    places.z[place] = known + share * (z - known) if weight > 0.0 else z
+    off = z - places.z[place] if weight > 0.0 else 0.0
+    places.z[place] = z if weight == 0.0 else places.z[place] + share * off
+    places.spread[place] += share * ((1.0 - share) * off * off - places.spread[place])
     places.weight[place] = total
     places.sightings[place] = kept + 1.0
     places.whole[place] += share * ((1.0 if whole else 0.0) - places.whole[place])
