@@ -11,7 +11,12 @@ import numpy as np
 import pytest
 from marker_film import COUNT, DRIVE, TURN, axes, encoder
 
-from marker_tracker_node.tracking.checks.camera_clock import ClockOffset
+from marker_tracker_node import TrackerConfig
+from marker_tracker_node.tracking.checks.camera_clock import (
+    CameraClock,
+    ClockOffset,
+    ClockSettings,
+)
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
 from marker_tracker_node.tracking.synchronised_tracker import Synchroniser
 
@@ -204,6 +209,32 @@ def test_counts_of_the_encoder_are_no_changes_of_speed():
         assert math.isinf(clock.estimate.error)
     # A difference of two counts is off by one at most, over a fifth of a second.
     assert history.speed(19.0) == pytest.approx(1.74, abs=COUNT / 0.2)
+
+
+@pytest.mark.parametrize("scale", [-0.05, -0.03, 0.0, 0.03, 0.05])
+def test_p0_is_found_in_the_next_lap_though_the_encoder_s_scale_is_wrong(scale):
+    # A gate finds a band whose place is known to 0.1 rad.
+    config = TrackerConfig(
+        cylinder_radius=0.03, cable_radius=0.002, marker_spacing=0.1, marker_count=1
+    )
+    history = EncoderHistory()
+    clock = CameraClock(ClockSettings(), config, history)
+    found = {0: 0, 1: 0}
+    for sample in range(1000):
+        t = 0.005 * sample
+        true = DRIVE.positions(t)[0]
+        history.add(t, (1.0 + scale) * true, 0.0)
+        if sample % 6:
+            continue
+        lap = round(true / TURN)
+        place = true - TURN * lap
+        angle = (1.0 + scale) * true
+        off = angle + clock.lead(t, angle, 0.0) - true
+        seen = -0.3 < place < 1.0 and (abs(off) < 0.1 or not sample)
+        clock.take(t, np.array([true if seen else math.nan, math.nan]))
+        found[lap] += seen
+    # Of the 25 frames that have it in sight some pass before it is found.
+    assert found[1] > (20 if scale == 0.0 else 4)
 
 
 @pytest.mark.parametrize("pause", [0.5, 3.0, 30.0])

@@ -51,6 +51,11 @@ LOCKED = NUMBERS[CLOCK].doubt
 # By how much bands may move too far, one standard deviation: focal length and cylinder.
 MOTION_SIGMA = NUMBERS[FOCAL].doubt
 _LEAST = 1.0e-9
+# In a lap that has not shown P0 it is sought by so much beside where it is expected, and no farther
+# from where it landed [rad]: encoder or times are wrong by up to 7 %, a gate finds a band that is
+# 0.1 rad away, and half a radian farther the estimator would have it behind the cylinder.
+SWEEP = (0.0, 0.14, 0.28, 0.42)
+TURN = 2.0 * math.pi
 # A length may be wrong by this share because of the clock; the part of it that may stay unknown.
 LENGTH_SHARE = 0.002
 WITHHELD_PART = 0.5
@@ -247,7 +252,12 @@ class CameraClock:
         self._usual = 0.0
         self._weight = 0.0
         self._strayed = 0.0
-        self._missed = 0
+        self._usable = config.usable_azimuth
+        # Frames since P0 was seen, the lap that passes, and whether it has shown P0.
+        self._missed, self._lap, self._shown = 0, 0, False
+        # Azimuth of P0 at encoder angle zero [rad], as the last frame tried it beside the estimate,
+        # and where that has found it; else nan.
+        self._tried = self._astray = math.nan
         self.applied = False
 
     @property
@@ -263,11 +273,22 @@ class CameraClock:
             angle: Reading that the frame is paired with [rad].
             shift: See `Run` [rad].
         """
+        self._tried = math.nan
         # Every second frame without P0 asks the encoder alone, should the estimate be wrong.
         if not math.isfinite(self.estimate.shift) or self._missed % 2:
             return 0.0
-        then = np.array([t - self.estimate.offset])
-        return float(self._history.angles(then)[0]) + self.estimate.shift - angle - shift
+        read = float(self._history.angles(np.array([t - self.estimate.offset]))[0])
+        zero = self._astray if math.isfinite(self._astray) else self.estimate.shift
+        lap = round((read + zero) / TURN)
+        if lap != self._lap:
+            self._lap, self._shown = lap, False
+        place = read + zero - TURN * lap
+        if self._missed and not self._shown and abs(place) < self._usable:
+            # Before the middle of the view P0 can only be ahead, behind it only late.
+            step = SWEEP[self._missed // 2 % len(SWEEP)]
+            most = max(SWEEP[-1], abs(zero))
+            zero = self._tried = min(max(zero - math.copysign(step, place), -most), most)
+        return read + zero - angle - shift
 
     def take(self, t: float, azimuths: FloatArray) -> None:
         """Take what was seen in a frame that had a reading.
@@ -284,7 +305,9 @@ class CameraClock:
         if math.isfinite(azimuths[0]):
             self._weight += 1.0
             self._usual += max(1.0 / self._weight, SHIFT_SHARE) * (speed - self._usual)
-            self._missed = 0
+            if not self._shown or self._missed % 2:
+                self._astray = self._tried
+            self._missed, self._shown = 0, True
         else:
             self._missed += 1
 
