@@ -116,7 +116,15 @@ def test_the_zero_of_the_guide_does_not_matter(size, seed, offset):
 
 
 @pytest.mark.parametrize(
-    ("size", "lead"), [(SIZES[1], 8.0e-3), (SIZES[3], -5.0e-3), (SIZES[3], 5.0e-3)]
+    ("size", "lead"),
+    [
+        (SIZES[1], 8.0e-3),
+        (SIZES[1], 25.0e-3),
+        (SIZES[2], 15.0e-3),
+        (SIZES[3], -5.0e-3),
+        (SIZES[3], 5.0e-3),
+        (SIZES[4], 20.0e-3),
+    ],
 )
 def test_where_the_guide_stands_as_p0_lands_is_found_out_from_the_markers(size, lead):
     guide = STEADY + lead
@@ -124,6 +132,17 @@ def test_where_the_guide_stands_as_p0_lands_is_found_out_from_the_markers(size, 
     tracker = wound(film, guide, lambda angle, at: at)
     require_right(film, tracker)
     assert tracker.state.run.guide.offset == pytest.approx(lead, abs=1.0e-3)
+
+
+def test_markers_after_one_that_lies_on_p0s_turn_keep_their_numbers():
+    guide = STEADY - 10.0e-3
+    film = film_of(sized(60.0, 4.0), guide, 9)
+    tracker = wound(film, guide, lambda angle, at: at)
+    known = tracker.state.marks.known
+    assert known[2:].all()
+    estimates = tracker.estimates()["s"]
+    np.testing.assert_allclose(estimates[known], film.s[known], rtol=0.002)
+    assert known[1] or 1 in tracker.report().missing
 
 
 @pytest.mark.parametrize(

@@ -40,8 +40,10 @@ from marker_tracker_node.tracking.frame.laid_path import (
     LaidCable,
     band_beside_turns,
     corrected_height,
+    first_sought,
     known_around,
     mean_gap,
+    search_reach,
 )
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
 from winding_core.compiling import called
@@ -52,6 +54,9 @@ P0_REACH = 0.45
 # A marker proves itself on the free span, this far before it lands [rad].
 APPROACH = 0.25
 SAME_PLACE = 0.035
+# Before any offset is known, what lands may lie so much farther from the path than what has come
+# round, in the reach of a search: that would have been found as it landed.
+LANDING = 0.2
 PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
 # A gap of this many expected ones or more hides a marker that was missed.
@@ -157,11 +162,12 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         azimuth, z, share, identity = found.azimuth, found.z, found.share, found.identity
         theta = turned + turned_since(setup, scan.shutter, azimuth, z) - azimuth
     expected_z = corrected_height(scan.cable, theta)[0]
-    if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > setup.search_width:
+    marks, colour_of = scan.cable.marks, scan.picture.colour_of
+    reach = search_reach(setup, marks, theta)
+    if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > reach:
         return
     if _lies_on_another_turn(scan, theta, z):
         return
-    marks, colour_of = scan.cable.marks, scan.picture.colour_of
     if (
         theta > turned + APPROACH
         or marker_number(setup, marks, colour_of, theta, colour, identity) < 0
@@ -185,12 +191,21 @@ def _colour_in_gate(picture: Picture, gates: Gates, n: int) -> int:  # pragma: n
 @called
 def _lies_on_another_turn(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
     """Return whether the turn before or after fits a band's height [m] better than its own."""
-    off = abs(z - corrected_height(scan.cable, theta)[0])
+    off, last = _beside_path(scan, theta, z), scan.turned + scan.setup.usable_azimuth
     for lap in (-1.0, 1.0):
         other = theta + 2.0 * lap * math.pi
-        if 0.0 <= other <= scan.turned and abs(z - corrected_height(scan.cable, other)[0]) < off:
+        if 0.0 <= other <= last and _beside_path(scan, other, z) < off:
             return True
     return False
+
+
+@called
+def _beside_path(scan: Scan, theta: float, z: float) -> float:  # pragma: no cover
+    """Return how far from the path a height [m] is at a wound angle, in the reach of a search."""
+    marks = scan.cable.marks
+    off = abs(z - corrected_height(scan.cable, theta)[0])
+    off /= search_reach(scan.setup, marks, theta)
+    return off - LANDING if first_sought(marks) and theta > scan.turned - math.pi else off
 
 
 @called
@@ -281,7 +296,7 @@ def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
         The shift, measured from P0 where that has become known [rad].
     """
     turn = 2.0 * math.pi
-    usable = scan.setup.usable_azimuth
+    marks, usable = scan.cable.marks, scan.setup.usable_azimuth
     starts, ends = _wanted_ranges(scan)
     for i in range(starts.size):
         # The visible part of every turn between the two wound angles.
@@ -290,12 +305,14 @@ def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
         while facing + usable >= starts[i]:
             low, high = max(starts[i], facing - usable), min(ends[i], facing + usable)
             if high > low:
-                _scan_turn(scan, low, high)
+                # Strips as wide as a search, side by side.
+                width = scan.setup.search_width
+                lanes = math.ceil(0.5 * (search_reach(scan.setup, marks, high) / width - 1.0))
+                for lane in range(-lanes, lanes + 1):
+                    _scan_turn(scan, low, high, 2.0 * lane * width)
             lap += 1
             facing = scan.turned - lap * turn
-    return confirm_candidates(
-        scan.setup, scan.cable.marks, scan.candidates, scan.picture.colour_of, shift
-    )
+    return confirm_candidates(scan.setup, marks, scan.candidates, scan.picture.colour_of, shift)
 
 
 @called
@@ -324,8 +341,8 @@ def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no c
 
 
 @called
-def _scan_turn(scan: Scan, first: float, last: float) -> None:  # pragma: no cover
-    """Count marker pixels along one stretch of cable and verify where they gather."""
+def _scan_turn(scan: Scan, first: float, last: float, beside: float) -> None:  # pragma: no cover
+    """Count marker pixels along a stretch, `beside` the cable [m], and verify where they gather."""
     setup, body = scan.setup, scan.setup.body
     scale = axis_scale(setup.camera)
     stride = max(int(scale * SEARCH_GRAIN), 1)
@@ -334,7 +351,7 @@ def _scan_turn(scan: Scan, first: float, last: float) -> None:  # pragma: no cov
     counts = np.zeros(nodes)
     offsets = np.zeros(nodes)
     for k in range(nodes):
-        counts[k], offsets[k] = _count_across(scan, first + k * step, scale, stride)
+        counts[k], offsets[k] = _count_across(scan, first + k * step, beside, scale, stride)
     width = max(int(2.0 * body.half_band / (body.rho * step)), 1)
     least = LEAST_PEAK * 4.0 * body.half_band * body.cable_radius * scale * scale
     least /= stride * stride
@@ -344,7 +361,7 @@ def _scan_turn(scan: Scan, first: float, last: float) -> None:  # pragma: no cov
             return
         end = min(place + width, nodes)
         theta = first + 0.5 * (place + end) * step
-        shift = offsets[place:end].sum() / most / scale
+        shift = beside + offsets[place:end].sum() / most / scale
         counts[place:end] = 0.0
         offsets[place:end] = 0.0
         verify_candidate(scan, theta, shift)
@@ -352,23 +369,26 @@ def _scan_turn(scan: Scan, first: float, last: float) -> None:  # pragma: no cov
 
 @called
 def _count_across(
-    scan: Scan, theta: float, scale: float, stride: int
+    scan: Scan, theta: float, beside: float, scale: float, stride: int
 ) -> tuple[float, float]:  # pragma: no cover
     """Count marker pixels of no known marker in the row across the cable at a wound angle.
 
     Args:
         scan: What is sought where.
         theta: Wound angle [rad].
+        beside: How far from the cable along z the row's middle lies [m].
         scale: Of the image [px/m].
         stride: One in so many columns is looked at.
 
     Returns:
-        Their number, and the sum of their distances from the cable's middle [px].
+        Their number, and the sum of their distances from the row's middle [px].
     """
     setup, body, pixels = scan.setup, scan.setup.body, scan.picture.pixels
     rows, columns = pixels.shape[:2]
     height, slope = corrected_height(scan.cable, theta)
-    x, y, z = surface_point(body.rho, body.cable_radius, scan.turned - theta, height, slope, 0.0)
+    x, y, z = surface_point(
+        body.rho, body.cable_radius, scan.turned - theta, height + beside, slope, 0.0
+    )
     a, b, _depth = plane_of_point(setup.camera, x, y, z)
     column, row = pixel_of_plane(setup.camera, a, b)
     v = int(round(row))  # noqa: RUF046

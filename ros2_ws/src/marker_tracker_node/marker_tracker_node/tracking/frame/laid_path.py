@@ -36,6 +36,8 @@ LEAST_GAP = 0.6
 # How far the guide may stand before the contact line when P0 lands, one deviation [m], and how far
 # a cable lies beside the path.
 OFFSET_SIGMA, LAY_SIGMA = 5.0e-3, 1.0e-3
+# No guide stands farther from where P0 lands [m].
+MOST_OFFSET = 25.0e-3
 
 
 class LaidCable(NamedTuple):
@@ -205,6 +207,19 @@ def unknown_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pra
 def lay_share(setup: Setup, theta: float) -> float:  # pragma: no cover
     """Return the share of an offset of the guide that cable at a wound angle [rad] lies off."""
     return 1.0 - math.exp(-max(theta, 0.0) / setup.lag)
+
+
+@called
+def first_sought(marks: Marks) -> bool:  # pragma: no cover
+    """Return whether P0 alone is known, so that no marker shows yet where the guide stands."""
+    return bool(marks.known[0] and marks.known.sum() == 1)
+
+
+@called
+def search_reach(setup: Setup, marks: Marks, theta: float) -> float:  # pragma: no cover
+    """Return how far from the path a marker at a wound angle [rad] may lie [m]."""
+    offset = MOST_OFFSET if first_sought(marks) else 0.0
+    return setup.search_width + offset * lay_share(setup, theta)
 
 
 @called
