@@ -145,6 +145,13 @@ def test_markers_after_one_that_lies_on_p0s_turn_keep_their_numbers():
     assert known[1] or 1 in tracker.report().missing
 
 
+@pytest.mark.parametrize("size", [SIZES[1], SIZES[3]])
+def test_a_guide_that_stands_behind_is_no_misplaced_camera(size):
+    guide = STEADY - 25.0e-3
+    film = film_of(sized(*size), guide, 10)
+    assert wound(film, guide, lambda angle, at: at).report().colour_refusal == ""
+
+
 @pytest.mark.parametrize(
     ("read", "words"),
     [

@@ -78,19 +78,27 @@ def test_an_encoder_that_reports_degrees_is_named(paper_film, number, start):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("number", "error", "start"),
-    [(4, -14.0e-3, 0.0), (9, 9.0e-3, 0.0), (4, 9.0e-3, 2.0), (9, -14.0e-3, 2.0)],
+    ("number", "along", "height", "start"),
+    [
+        (4, -14.0e-3, 0.0, 0.0),
+        (9, 9.0e-3, 0.0, 0.0),
+        (4, 9.0e-3, 0.0, 2.0),
+        (9, -14.0e-3, 0.0, 2.0),
+        (5, 0.0, -10.0e-3, 0.0),
+        (9, 0.0, -15.0e-3, 0.0),
+    ],
 )
-def test_a_camera_that_stands_elsewhere_is_named(paper_film, number, error, start):
+def test_a_camera_that_stands_elsewhere_is_named(paper_film, number, along, height, start):
     film = paper_film(number)
     right = film.tracker().config.pose
     x, y, z = right.position
-    pose = replace(right, position=(x, y, z + error))
+    pose = replace(right, position=(x, y + height, z + along))
     tracker, *_ = film.followed(RATE, film.tracker(pose=pose), start=start, stop=start + 9.0)
     report = tracker.report()
     # A millimetre is what the sentence rounds to.
     (stated,) = re.findall(r"P0 passes (\d+) mm beside its place", report.colour_refusal)
-    assert 1.0e-3 * float(stated) == pytest.approx(abs(error), abs=1.5e-3)
+    assert 1.0e-3 * float(stated) == pytest.approx(abs(along + height), abs=1.5e-3)
+    assert ("in height" in report.colour_refusal) == (height != 0.0)
     assert report.known == 0
 
 

@@ -17,9 +17,13 @@ ByteArray = NDArray[np.uint8]
 
 # Errors of the camera's place along the axis, and of its height, that are tried [m]: so far apart
 # that P0 lies within the reach of a search with one of them.
-ERRORS = tuple(1.6 * SEARCH_REACH * step for step in (-2, -1, 1, 2))
+STEP = 1.6 * SEARCH_REACH
+ERRORS = tuple(STEP * step for step in (-2, -1, 1, 2))
 # P0 has passed once after so much of the way; what is found earlier may be another marker [rad].
 ONE_LAP, TWO_LAPS = 1.2 * TURN, 2.4 * TURN
+# A marker before what is followed is in sight with it; after so much of the way a later one may be,
+# which lies below it where the guide stands behind [rad].
+ONE_PASS = 0.5 * TURN
 # A pass is looked at so often [rad].
 LOOK_STEP = 0.1
 # A cylinder may have the markers' hue: so much of a band has their colour, where that is known.
@@ -47,7 +51,7 @@ class MisplacedCamera:
         }
         # Error of the camera's place [m] with which P0 was found.
         self._found: dict[tuple[str, float], float] = {}
-        self._begun = self._looked = self._guide = math.nan
+        self._begun = self._looked = self._guide = self._since = math.nan
 
     def add(
         self,
@@ -75,13 +79,15 @@ class MisplacedCamera:
         self._looked = angle
         if math.isnan(self._begun):
             self._begun, self._guide = angle, guide
-        way = abs(angle - self._begun)
+        way, something = abs(angle - self._begun), math.isfinite(followed)
+        if something and math.isnan(self._since):
+            self._since = angle
         # A guide that goes back lays later markers below the first.
         self.done = way > TWO_LAPS or guide < self._guide - GOES_BACK
+        self.done |= abs(angle - self._since) > ONE_PASS
         if self.done:
             return ""
         view = setup.camera
-        something = math.isfinite(followed)
         if something and not self._due(angle + followed, setup.usable_azimuth):
             return ""
         for (axis, error), search in self._searches.items():
@@ -91,9 +97,13 @@ class MisplacedCamera:
             band = search.add(frame, setup._replace(camera=moved), angle)
             if band is None or (something and self._strange(band.offset - followed)):
                 continue
+            # An encoder that is not zeroed would tell nothing of a height.
+            beyond = band.z if axis == "z" else setup.body.rho * math.sin(band.offset)
+            if abs(beyond) > STEP:
+                continue
             samples = np.concatenate(band.samples)
             if colour is None or colour.mask(samples[np.newaxis]).mean() > PAINTED:
-                self._found[axis, error] = error + (band.z if axis == "z" else 0.0)
+                self._found[axis, error] = error + beyond
         along = min((error for (axis, _), error in self._found.items() if axis == "z"), default=0.0)
         if something:
             return _sentence(along, setup, "along the axis", "y") if along < -SEARCH_REACH else ""
