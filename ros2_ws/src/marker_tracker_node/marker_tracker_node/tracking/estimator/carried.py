@@ -41,8 +41,9 @@ def carried_correction(
     Args:
         data: Information on the numbers without any prior, shape (numbers, numbers).
         best: Fitted change from the present numbers, shape (numbers,).
-        nominal: Change that would lead to the configured ones, likewise.
-        sigmas: How well those were known, one standard deviation; zero where they are held.
+        nominal: Change that would lead to the configured ones, shape (numbers,).
+        sigmas: How well those were known, one standard deviation, shape (numbers,); zero where they
+            are held.
         least: See above.
     """
     free = sigmas > 0.0

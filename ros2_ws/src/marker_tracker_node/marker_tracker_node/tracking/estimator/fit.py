@@ -39,7 +39,7 @@ def fitted(
         problem: Sightings and model.
         prior: Inverse variances, zero for markers, shape (unknowns,).
         start: Unknowns to start at, shape (unknowns,).
-        centre: Of the prior, likewise; None for zero.
+        centre: Of the prior, shape (unknowns,); None for zero.
     """
     centre = np.zeros(prior.size) if centre is None else centre
     best = _at(problem, prior, centre, start)

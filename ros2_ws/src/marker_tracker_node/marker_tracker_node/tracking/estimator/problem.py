@@ -83,10 +83,11 @@ class Seen:
         zeroed: Whether the encoder's zero is configured, and not found from P0 itself.
         camera: Content of CameraInfo.
         used: Pose with which azimuth and z were computed.
-        without: Errors of focal length and body that were taken off for that, see `NUMBERS`, shape
-            (numbers,); zero for the configured ones.
         nominal: Pose as configured.
         body: What the bands are painted on, as configured.
+        begun: Pose with which the run began, from P0 where it has given one; None for the nominal.
+        without: Errors of focal length and body that were taken off for azimuth and z, see
+            `NUMBERS`, shape (numbers,); zero for the configured ones.
     """
 
     rows: FloatArray
