@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from marker_film import DRIVE
 
-from winding_core.units import MILLIRADIAN
+from marker_tracker_node import CameraPose
+from winding_core.units import MILLIMETRE, MILLIRADIAN
 from winding_rig_node.camera import CameraConfig, Paint
 
 # 0.2 % of S_1 of case 4 is 12 mrad of wound angle, and of case 9 13 mrad.
@@ -241,3 +242,16 @@ def test_a_turn_beyond_any_calibration_is_reported_and_not_applied(paper_film):
     assert "limit 12.5 mrad, which is not applied" in remark
     size = float(remark.split("turned by ")[1].split()[0]) * MILLIRADIAN
     assert size == pytest.approx(13.5e-3, abs=1.0e-3)
+
+
+@pytest.mark.slow
+def test_p0_beside_its_place_may_be_the_height_of_the_camera(paper_film):
+    film = paper_film(9)
+    x, y, z = film.camera.position
+    high = film.tracker(pose=CameraPose(position=(x, y + 20.0 * MILLIMETRE, z)))
+    tracker, *_ = film.followed(RATE, high, start=2.2, stop=12.0)
+    (remark,) = (text for text in tracker.report().remarks if "where P0 lands" in text)
+    height = re.search(r"height is wrong by ([+-]\d+) mm", remark)
+    assert height is not None, remark
+    # A point of the surface moves in the picture as rho sin(angle), to a tenth of the way.
+    assert int(height[1]) == pytest.approx(20, abs=2)

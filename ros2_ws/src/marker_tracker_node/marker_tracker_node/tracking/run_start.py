@@ -21,6 +21,7 @@ from marker_tracker_node.tracking.p0_search import (
     sample_colour,
 )
 from marker_tracker_node.tracking.state import Burst, Setup
+from winding_core.units import MILLIMETRE
 
 ByteArray = NDArray[np.uint8]
 
@@ -28,6 +29,8 @@ ByteArray = NDArray[np.uint8]
 LOOK_STEP = 0.01
 # The acquisition of markers finds P0 itself so far from where the encoder places it [rad].
 BELIEVED = 0.45
+# A camera that was set by tape measure stands no farther from its height [m].
+MOST_HEIGHT = 0.03
 # What is still measured as P0 after so much of the way moves with the cylinder [rad].
 MOVED = 0.2
 # The doubts about a P0 that was sampled end after so much of the way [rad], and so many looks.
@@ -205,5 +208,16 @@ class RunStart:
         self.origin = -band.offset - TURN * turns
         self._remarks.append(
             f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
+            + self._or_height(off)
         )
         return True
+
+    def _or_height(self, off: float) -> str:
+        """Return the camera's height as what may be wrong if P0 lies so far off [rad], in words."""
+        height = self._config.body.rho * math.sin(off)
+        if abs(off) > 0.5 * math.pi or abs(height) > MOST_HEIGHT:
+            return ""
+        return (
+            f", unless the camera's height is wrong by {height / MILLIMETRE:+.0f} mm: set "
+            "start_angle, or camera_tilt and camera_position"
+        )
