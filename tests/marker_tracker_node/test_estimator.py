@@ -60,6 +60,27 @@ def test_the_wrong_number_is_named_with_its_size(number: str, size: float) -> No
         assert abs(found[0].share - size) < 4.0 * found[0].sigma
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"camera_tilt_x": 0.012},
+        {"camera_roll": -0.008},
+        {"focal_length": 0.01},
+        {"camera_height": 0.003, "camera_along": -0.003},
+        {"cylinder_diameter": 0.08, "camera_tilt_y": 0.008},
+    ],
+)
+def test_numbers_within_their_doubt_are_named_with_what_explains_as_well(
+    wrong: dict[str, float],
+) -> None:
+    numbers = tuple(WrongNumber(number=name, size=size) for name, size in wrong.items())
+    found = contradictions(sightings(RAMPED, numbers, 7))
+    assert len(found) == len(wrong)
+    for one in numbers:
+        assert any(one.names & item.names for item in found), found
+    assert found[-1].doubted
+
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_right_configuration_contradicts_nothing(seed: int) -> None:
     assert contradictions(sightings(quick(World.drawn(100 + seed)), (), seed)) == ()

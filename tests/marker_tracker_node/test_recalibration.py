@@ -121,6 +121,16 @@ def test_published_values_go_over_to_corrected_ones_without_a_jump(
 
 
 @pytest.mark.slow
+def test_a_run_whose_camera_is_corrected_within_its_doubt_is_healthy(
+    filmed: tuple[Any, Frames],
+) -> None:
+    tracker, _ = followed(filmed, Wrong(tilt=(0.0, 0.0, 0.008)))
+    report = tracker.report()
+    assert [item.number for item in report.contradictions] == ["camera_roll"]
+    assert report.healthy
+
+
+@pytest.mark.slow
 def test_right_numbers_are_not_corrected(filmed: tuple[Any, Frames]) -> None:
     tracker, _ = followed(filmed, Wrong())
     assert tracker.report().remarks == ()

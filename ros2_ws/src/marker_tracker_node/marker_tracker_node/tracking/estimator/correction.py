@@ -53,7 +53,7 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         verdict: What explains them.
         made: Whether they were measured with a correction, which may have to be taken back.
     """
-    others = verdict.wrong[-1] if verdict.wrong else ()
+    others = verdict.released
     turning = {one.number in (SCALE, TIMES) for one in others}
     if not verdict.explained or problem.markers.size < 2 or len(turning) > 1:
         # Where the cylinder stands is not changed for what may be a camera elsewhere.

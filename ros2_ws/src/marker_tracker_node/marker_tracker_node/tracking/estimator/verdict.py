@@ -33,6 +33,8 @@ _MOST_TRIED = 9
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
 _LEAST_ALONE, _LEFT_ALONE = 30.0, 0.3
+# So many numbers are named at most.
+_MOST_WRONG = 2
 # Axes of less information than this share of the best one are not observed.
 _OBSERVED = 1.0e-9
 
@@ -70,9 +72,15 @@ class Verdict:
     explained: bool = True
 
     @property
+    def released(self) -> tuple[Explanation, ...]:
+        """What explains the sightings best with a prior released, and as well; empty for none."""
+        beyond = [group for group in self.wrong if not group[0].doubted]
+        return beyond[-1] if beyond else ()
+
+    @property
     def best(self) -> Fit:
         """What explains the sightings best."""
-        return self.wrong[-1][0].fit if self.wrong and self.explained else self.usual
+        return self.released[0].fit if self.released and self.explained else self.usual
 
 
 def judged(problem: Problem) -> Verdict:
@@ -85,8 +93,8 @@ def judged(problem: Problem) -> Verdict:
         prior[first[0].number] = NUMBERS[first[0].number].most ** -2
         second = _explanations(problem, prior, first[0].fit)
         wrong = (first, second) if second else wrong
-    elif problem.markers.size > 1 and (within := _within_doubt(usual)):
-        return Verdict(usual=usual, wrong=(within,))
+    if len(wrong) < _MOST_WRONG and problem.markers.size > 1:
+        wrong += _within_doubt(first[0].fit if first else usual, [one[0].number for one in wrong])
     verdict = Verdict(usual=usual, wrong=wrong)
     if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
@@ -94,38 +102,60 @@ def judged(problem: Problem) -> Verdict:
     return verdict
 
 
-def _within_doubt(usual: Fit) -> tuple[Explanation, ...]:
-    """Return the numbers that explain the sightings alone, all others as configured, best first.
+def _within_doubt(fit: Fit, named: list[int]) -> tuple[tuple[Explanation, ...], ...]:
+    """Return the numbers that explain the sightings beside those named, all others as configured.
 
-    None where several numbers are a little wrong, or all are right. About the usual fit the cost of
-    the sightings is a parabola of the numbers; the prior pulls as much as the sightings there.
+    None where many numbers are a little wrong, or all are right. About a fit the cost of the
+    sightings is a parabola of the numbers; the prior pulls as much as the sightings there.
     """
-    data, _, _ = data_information(usual, np.arange(COUNT))
-    x, pull = usual.x[:COUNT], (usual.prior * usual.x)[:COUNT]
-
-    def cost(numbers: FloatArray) -> float:
-        away = numbers - x
-        return float(away @ data @ away - 2.0 * pull @ away)
-
-    errors = (pull + data @ x) / np.diag(data)
-    costs = [cost(np.where(np.arange(COUNT) == k, errors, 0.0)) for k in range(COUNT)]
+    data, _, _ = data_information(fit, np.arange(COUNT))
+    x, pull = fit.x[:COUNT], (fit.prior * fit.x)[:COUNT]
     strength, axes = np.linalg.eigh(data)
     held = strength > _OBSERVED * strength[-1]
     least = -float(((axes.T @ pull)[held] ** 2 / strength[held]).sum())
-    exact, best = cost(np.zeros(COUNT)) - least, min(costs) - least
-    if exact - best < _LEAST_ALONE or best > _LEFT_ALONE * exact:
+
+    def errors(numbers: list[int]) -> FloatArray:
+        """Return those of least cost of some numbers while all others are right."""
+        found = np.zeros(COUNT)
+        own = np.ix_(numbers, numbers)
+        found[numbers] = np.linalg.lstsq(data[own], (pull + data @ x)[numbers], rcond=None)[0]
+        return found
+
+    def cost(numbers: list[int]) -> float:
+        away = errors(numbers) - x
+        return float(away @ data @ away - 2.0 * pull @ away) - least
+
+    exact, chosen = cost(named), list(named)
+    best = exact
+    while best > _LEFT_ALONE * exact and len(chosen) < _MOST_WRONG:
+        others = [k for k in range(COUNT) if k not in chosen]
+        chosen.append(min(others, key=lambda k: cost([*chosen, k])))
+        if best - cost(chosen) < _LEAST_ALONE:
+            return ()
+        best = cost(chosen)
+    if best > _LEFT_ALONE * exact:
         return ()
-    order = [k for k in np.argsort(costs).tolist() if costs[k] < min(costs) + _AS_WELL]
-    if set(order) <= {ZERO, CLOCK}:
+    groups = []
+    for number in chosen[len(named) :]:
+        beside = [k for k in chosen if k != number]
+        costs = {k: cost([*beside, k]) for k in range(COUNT) if k not in beside}
+        order = sorted((k for k in costs if costs[k] < best + _AS_WELL), key=lambda k: costs[k])
         # Wound angles are counted from P0 itself, and the clock is judged by its own offset.
-        return ()
-    sigmas = np.diag(data) ** -0.5
-    return tuple(
-        Explanation(
-            number=k, error=float(errors[k]), sigma=float(sigmas[k]), fit=usual, doubted=True
-        )
-        for k in order
-    )
+        if not set(order) <= {ZERO, CLOCK}:
+            sizes = {k: float(errors([*beside, k])[k]) for k in order}
+            groups.append(
+                tuple(
+                    Explanation(
+                        number=k,
+                        error=sizes[k],
+                        sigma=float(data[k, k]) ** -0.5,
+                        fit=fit,
+                        doubted=True,
+                    )
+                    for k in order
+                )
+            )
+    return tuple(groups)
 
 
 def _furthest(usual: Fit) -> tuple[Explanation, ...]:
