@@ -37,6 +37,7 @@ class Recalibration:
 
     Attributes:
         made: Whether anything is corrected.
+        posed: Whether that is not more than the camera's pose, as far as is known.
         errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
         moved: By how much the azimuth of P0 has grown with the camera [rad].
         change: By how much its wound angle [rad] and z [m] from P0 have, shape (2, markers).
@@ -48,8 +49,8 @@ class Recalibration:
         """Start with the numbers of so many markers as configured."""
         self.errors, self.change = np.zeros(COUNT), np.zeros((2, markers))
         self.moved = self.ahead = self.area = 0.0
-        self.made = False
-        self._configured: Setup | None = None
+        self.made, self.posed = False, True
+        self._begun: Setup | None = None
 
     @property
     def remark(self) -> str:
@@ -91,12 +92,15 @@ class Recalibration:
         ahead = turned / (1.0 + self.errors[SCALE]) - angle
         return np.asarray(np.where(np.isnan(ahead), self.ahead, ahead))
 
-    def as_configured(self, out: Burst, setup: Setup) -> FloatArray:
-        """Return the azimuths of the only frame of a burst with the configured numbers [rad]."""
-        rows = out.rows[0]
-        if self._configured is None:
-            return np.asarray(rows["azimuth"])
-        return np.asarray(_seen(_bands(rows), setup, self._configured)[:, 0])
+    def as_begun(self, rows: Rows, setup: Setup) -> FloatArray:
+        """Return azimuths [rad] and z [m] with the numbers with which the run began, shape (k, 2).
+
+        Args:
+            rows: Of SEEN, shape (k,).
+            setup: With which they were measured.
+        """
+        bands = _bands(rows)
+        return bands[:, :2] if self._begun is None else _seen(bands, setup, self._begun)
 
     def make(
         self,
@@ -116,7 +120,7 @@ class Recalibration:
             setups: With which was measured, and with which it is from now on.
         """
         marks, cylinder = state.marks, state.run.cylinder
-        self._configured = self._configured or setups[0]
+        self._begun = self._begun or setups[0]
         self.change[:, found.markers] += [found.theta, found.z] - _places(marks, found)
         self.moved += _measure_again(log.sightings, *setups)
         factors = (1.0 + self.errors) / (1.0 + found.errors)
@@ -125,7 +129,7 @@ class Recalibration:
             rows = burst.rows.ravel()
             rows["azimuth"], rows["seen_height"] = _seen(_bands(rows), *setups).T
             burst.angle[:] *= scale
-        self.errors, self.made = found.errors, found.carried
+        self.errors, self.made, self.posed = found.errors, found.carried, found.posed
         log.forget(found.unexplained)
         reported = np.array([[float(cylinder.time)], [float(cylinder.angle) - self.ahead]])
         ahead = float(self.turned_ahead(log.motion, reported)[0])

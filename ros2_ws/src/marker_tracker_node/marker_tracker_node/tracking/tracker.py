@@ -37,7 +37,7 @@ from winding_core.markers import MarkerFlag, Markers, wound_markers
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 # Of a sighting that are kept as they are in `Output`.
-_ROWS = ("azimuth", "slope", "low", "high", "below", "above")
+_BESIDE = ("slope", "low", "high", "below", "above")
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
 # No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
 _MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
@@ -165,7 +165,7 @@ class Tracker:
             np.asarray(frame)[None],
             np.array([[t], [angle - self.origin], [guide], [lead]]),
         )
-        self.seen = self._numbers.as_configured(out, self._setup)
+        self.seen = self._numbers.as_begun(out.rows[0], self._setup)[:, 0]
         if not self._start.done:
             self._motion.add(t, angle, guide)
             if self._start.saw(t, out):
@@ -254,16 +254,23 @@ class Tracker:
         bursts = [Burst.empty(0, len(self._ids)), *self._memory]
         rows = np.concatenate([burst.rows for burst in bursts])
         frame, marker = np.nonzero(np.isfinite(rows["azimuth"]))
-        measured = rows[frame, marker]
+        measured, numbers = rows[frame, marker], self._numbers
+        places = np.array([measured["azimuth"], measured["seen_height"]]).T
+        pose, without = self.pose, numbers.errors
+        if numbers.posed:
+            # What `refine` finds is what is left of the pose with which the run began.
+            places = numbers.as_begun(measured, self._setup)
+            pose, without = self._start.zero.pose, np.zeros_like(without)
         return Sightings(
             marker=marker,
             angle=np.concatenate([burst.angle for burst in bursts])[frame],
-            z=measured["seen_height"],
-            pose=self.pose,
-            without=self._numbers.errors,
+            azimuth=places[:, 0],
+            z=places[:, 1],
+            pose=pose,
+            without=without,
             mean_theta=means["theta"],
             mean_z=means["z"],
-            **{name: measured[name] for name in _ROWS},
+            **{name: measured[name] for name in _BESIDE},
         )
 
     def report(self) -> TrackerReport:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.fit import fitted
-from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
+from marker_tracker_node.tracking.estimator.numbers import COUNT, FOCAL, SCALE, TILT, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
 from marker_tracker_node.tracking.estimator.verdict import EXPLAINED, Verdict
 
@@ -30,12 +30,14 @@ class Correction:
 
     Attributes:
         carried: Whether the sightings carry a correction of the numbers with which the run began.
+        posed: Whether no number but those of the camera's pose is beyond its doubt.
         errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
         doubt: Variances of theta [rad^2] and z [m^2] that follow from what is not known of
             corrected numbers, shape (2, k).
     """
 
     carried: bool
+    posed: bool
     errors: FloatArray
     markers: IndexArray  # Numbers of those that were seen, shape (k,)
     theta: FloatArray  # Their wound angles from P0 [rad], shape (k,)
@@ -84,6 +86,7 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         doubt += share / sum(likely) * (_places(problem, one.fit.x) - places) ** 2
     return Correction(
         carried=bool(moved.any()),
+        posed=all(TILT <= one.number < FOCAL for one in others[:1]),
         errors=errors,
         markers=problem.markers[clear],
         unexplained=problem.markers[~clear],

@@ -15,7 +15,7 @@ FloatArray = NDArray[np.float64]
 _CAUCHY = 3.0
 # The cost of a good step falls by more than this, else the fit has settled.
 _SETTLED = 0.2
-_STEPS = 8
+_STEPS = 16
 
 
 @dataclass(frozen=True, kw_only=True)

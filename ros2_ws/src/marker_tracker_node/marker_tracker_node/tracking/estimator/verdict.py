@@ -94,7 +94,9 @@ def judged(problem: Problem) -> Verdict:
         second = _explanations(problem, prior, first[0].fit)
         wrong = (first, second) if second else wrong
     if len(wrong) < _MOST_WRONG and problem.markers.size > 1:
-        wrong += _within_doubt(first[0].fit if first else usual, [one[0].number for one in wrong])
+        fit = first[0].fit if first else usual
+        least = max(_LEAST_ALONE, _AS_WELL_SHARE * (usual.cost - fit.cost))
+        wrong += _within_doubt(fit, [one[0].number for one in wrong], least)
     verdict = Verdict(usual=usual, wrong=wrong)
     if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
@@ -102,7 +104,9 @@ def judged(problem: Problem) -> Verdict:
     return verdict
 
 
-def _within_doubt(fit: Fit, named: list[int]) -> tuple[tuple[Explanation, ...], ...]:
+def _within_doubt(
+    fit: Fit, named: list[int], least_gain: float
+) -> tuple[tuple[Explanation, ...], ...]:
     """Return the numbers that explain the sightings beside those named, all others as configured.
 
     None where many numbers are a little wrong, or all are right. About a fit the cost of the
@@ -130,7 +134,7 @@ def _within_doubt(fit: Fit, named: list[int]) -> tuple[tuple[Explanation, ...], 
     while best > _LEFT_ALONE * exact and len(chosen) < _MOST_WRONG:
         others = [k for k in range(COUNT) if k not in chosen]
         chosen.append(min(others, key=lambda k: cost([*chosen, k])))
-        if best - cost(chosen) < _LEAST_ALONE:
+        if best - cost(chosen) < least_gain:
             return ()
         best = cost(chosen)
     if best > _LEFT_ALONE * exact:
