@@ -207,7 +207,9 @@ class LayTracker:
         pose, z = config.pose.position, span.contact_z
         steep = (z - pose[2]) / (pose[0] - config.rho)
         sigma, slope = span.sigma_contact_z, self._slope()
-        self._turns.add(angle, z, slope=slope, sigma=sigma, floor=0.0, whole=True, steep=steep)
+        if not abs(z - start) < 0.5 * config.diameter:
+            # Rows would go on where an older turn was taken for this one.
+            self._turns.add(angle, z, slope=slope, sigma=sigma, floor=0.0, whole=True, steep=steep)
         if self._turns.lies_on_others(angle, z, config.overlap_limit * config.diameter):
             # What lies higher looks farther from the middle of the picture than it is.
             self.span = span._replace(sigma_contact_z=math.hypot(sigma, steep * config.diameter))
