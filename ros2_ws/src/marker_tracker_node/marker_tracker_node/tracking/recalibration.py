@@ -37,7 +37,7 @@ class Recalibration:
 
     Attributes:
         made: Whether anything is corrected.
-        posed: Whether that is not more than the camera's pose, as far as is known.
+        posed: Whether the camera's pose alone may explain it.
         errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
         moved: By how much the azimuth of P0 has grown with the camera [rad].
         change: By how much its wound angle [rad] and z [m] from P0 have, shape (2, markers).

@@ -30,7 +30,7 @@ class Correction:
 
     Attributes:
         carried: Whether the sightings carry a correction of the numbers with which the run began.
-        posed: Whether no number but those of the camera's pose is beyond its doubt.
+        posed: Whether no number is beyond its doubt, or one of the camera's pose explains as much.
         errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
         doubt: Variances of theta [rad^2] and z [m^2] that follow from what is not known of
             corrected numbers, shape (2, k).
@@ -86,7 +86,7 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         doubt += share / sum(likely) * (_places(problem, one.fit.x) - places) ** 2
     return Correction(
         carried=bool(moved.any()),
-        posed=all(TILT <= one.number < FOCAL for one in others[:1]),
+        posed=not others or any(TILT <= one.number < FOCAL for one in others),
         errors=errors,
         markers=problem.markers[clear],
         unexplained=problem.markers[~clear],
