@@ -195,8 +195,7 @@ class SynchronisedTracker:
         begun = tracker.beginnings
         markers = tracker.track(pair.frame, pair.t, angle, pair.guide_z, lead=lead)
         if tracker.beginnings != begun:
-            self.clock = CameraClock(self._settings, tracker.config, self.history)
-            return _withheld(clock, pair.t, markers)
+            self.clock = clock = CameraClock(self._settings, tracker.config, self.history)
         if not len(markers):
             return markers
         clock.take(pair.t, tracker.seen)
