@@ -33,6 +33,9 @@ _MOST_TRIED = 9
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
 _LEAST_ALONE, _LEFT_ALONE = 30.0, 0.3
+# Beside a number beyond its doubt it explains this share of that one's gain, too: a large error
+# leaves bends that a small turn of the camera takes up.
+_LEAST_BESIDE = 0.1
 # So many numbers are named at most.
 _MOST_WRONG = 2
 # Axes of less information than this share of the best one are not observed.
@@ -95,8 +98,11 @@ def judged(problem: Problem) -> Verdict:
         wrong = (first, second) if second else wrong
     if len(wrong) < _MOST_WRONG and problem.markers.size > 1:
         fit = first[0].fit if first else usual
-        least = max(_LEAST_ALONE, _AS_WELL_SHARE * (usual.cost - fit.cost))
-        wrong += _within_doubt(fit, [one[0].number for one in wrong], least)
+        least = max(_LEAST_ALONE, _LEAST_BESIDE * (usual.cost - fit.cost))
+        beside = _within_doubt(fit, [one[0].number for one in wrong], least)
+        # What takes up the difference between two explanations of the first is no other number.
+        named = {one.number for one in first}
+        wrong += tuple(group for group in beside if not named & {one.number for one in group})
     verdict = Verdict(usual=usual, wrong=wrong)
     if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
