@@ -134,7 +134,6 @@ def test_a_run_whose_camera_is_corrected_within_its_doubt_is_healthy(
 def test_right_numbers_are_not_corrected(filmed: tuple[Any, Frames]) -> None:
     tracker, _ = followed(filmed, Wrong())
     assert tracker.report().remarks == ()
-    assert tracker.pose == tracker.config.pose or tracker.zeroed
     np.testing.assert_array_equal(tracker.lens.k, tracker.camera.k)
 
 

@@ -99,8 +99,9 @@ class Recalibration:
             rows: Of SEEN, shape (k,).
             setup: With which they were measured.
         """
-        bands = _bands(rows)
-        return bands[:, :2] if self._begun is None else _seen(bands, setup, self._begun)
+        if self._begun is None:
+            return np.column_stack([rows[name] for name in _BAND[:2]])
+        return _seen(_bands(rows), setup, self._begun)
 
     def make(
         self,

@@ -50,7 +50,7 @@ class Tracker:
     clock and camera drift; otherwise from the encoder and P0's known place. Whole turns come from
     the encoder, identity from the order of winding.
 
-    Once a lap everything that was seen is explained by one least squares, see `estimator`; what
+    As markers pass all that was seen is explained by one least squares, see `estimator`; what
     that corrects of the configured numbers is measured with from then on. Published values go over
     to it in steps of half their deviation.
 
@@ -165,7 +165,9 @@ class Tracker:
             np.asarray(frame)[None],
             np.array([[t], [angle - self.origin], [guide], [lead]]),
         )
-        self.seen = self._numbers.as_begun(out.rows[0], self._setup)[:, 0]
+        self.seen = out.rows["azimuth"][0]
+        if self._numbers.made:
+            self.seen = self._numbers.as_begun(out.rows[0], self._setup)[:, 0]
         if not self._start.done:
             self._motion.add(t, angle, guide)
             if self._start.saw(t, out):
@@ -255,12 +257,13 @@ class Tracker:
         rows = np.concatenate([burst.rows for burst in bursts])
         frame, marker = np.nonzero(np.isfinite(rows["azimuth"]))
         measured, numbers = rows[frame, marker], self._numbers
-        places = np.array([measured["azimuth"], measured["seen_height"]]).T
-        pose, without = self.pose, numbers.errors
         if numbers.posed:
             # What `refine` finds is what is left of the pose with which the run began.
             places = numbers.as_begun(measured, self._setup)
-            pose, without = self._start.zero.pose, np.zeros_like(without)
+            pose, without = self._start.zero.pose, np.zeros_like(numbers.errors)
+        else:
+            places = np.column_stack([measured["azimuth"], measured["seen_height"]])
+            pose, without = self.pose, numbers.errors
         return Sightings(
             marker=marker,
             angle=np.concatenate([burst.angle for burst in bursts])[frame],
@@ -296,7 +299,7 @@ class Tracker:
         )
 
     def explain(self) -> None:
-        """Explain everything seen so far, once a lap, and measure with what that corrects."""
+        """Explain what was seen if a marker has passed, and measure with what that corrects."""
         done = self._checks.judge(self._evidence, self._setup, self.state, self._seen)
         found, marks = self._checks.correction, self.state.marks
         if found is None or not (done and self._start.proven):
