@@ -17,8 +17,8 @@ SAMPLED = 64
 # Losses in succession that are bridged, in periods, and the least gap that is [s].
 BRIDGED_PERIODS = 5.0
 LEAST_GAP = 0.02
-# Speeds are differences over at least this to either side [s].
-HALF_SPAN = 0.01
+# Speeds are differences over this to either side [s]: of 8192 counts a turn one is 4 mrad/s.
+HALF_SPAN = 0.1
 
 
 class EncoderHistory:
@@ -105,18 +105,9 @@ class EncoderHistory:
         return float(self._rows[0, self._seen - 1]) if self._seen else -math.inf
 
     @property
-    def oldest(self) -> float:
-        """Time since which the speed is known [s]."""
-        return self.first + self._half
-
-    @property
     def first(self) -> float:
         """Time of the first reading that is kept [s]."""
         return float(self._rows[0, 0]) if self._count else math.inf
-
-    @property
-    def _half(self) -> float:
-        return max(HALF_SPAN, self.period)
 
     @property
     def _times(self) -> FloatArray:
@@ -143,10 +134,9 @@ class EncoderHistory:
         """Return the cylinder angles [rad] at times [s], standing outside the readings."""
         return np.interp(times, self._times, self._rows[1, : self._seen])
 
-    def speeds(self, times: FloatArray) -> FloatArray:
-        """Return the cylinder speeds [rad/s] at times [s]."""
-        half = self._half
-        low = np.minimum(times, self.newest) - half
-        high = np.minimum(times + half, max(self.newest, self.first + half))
-        result: FloatArray = (self.angles(high) - self.angles(low)) / (high - low)
-        return result
+    def speed(self, t: float) -> float:
+        """Return the cylinder speed [rad/s] at a time [s], the last one after the readings."""
+        middle = min(max(t, self.first), self.newest)
+        span = np.clip([middle - HALF_SPAN, middle + HALF_SPAN], self.first, self.newest)
+        before, after = self.angles(span)
+        return float((after - before) / max(span[1] - span[0], LEAST_GAP))

@@ -195,7 +195,8 @@ class SynchronisedTracker:
         begun = tracker.beginnings
         markers = tracker.track(pair.frame, pair.t, angle, pair.guide_z, lead=lead)
         if tracker.beginnings != begun:
-            self.clock = clock = CameraClock(self._settings, tracker.config, self.history)
+            self.clock = CameraClock(self._settings, tracker.config, self.history)
+            return markers
         if not len(markers):
             return markers
         clock.take(pair.t, tracker.seen)
@@ -203,17 +204,15 @@ class SynchronisedTracker:
         if clock.applied:
             tracker.rebase(clock.estimate.shift + tracker.origin, forget=not self._pairs.correction)
             self._pairs.correction = clock.estimate.offset
-        return _withheld(clock, pair.t, markers)
+        return _doubted(clock, markers)
 
 
-def _withheld(clock: CameraClock, t: float, markers: Markers) -> Markers:
-    """Return records that hold only P0 while the clock is in doubt."""
-    clock.withheld = False
-    if clock.trusts(t):
-        return markers
-    later = markers[1:]
-    clock.withheld = bool(((later["flags"] & MarkerFlag.NOT_WOUND) == 0).any())
+def _doubted(clock: CameraClock, markers: Markers) -> Markers:
+    """Return records with the clock's share of their deviations, without those it may spoil."""
+    unknown = np.isinf(clock.doubt)
+    markers["sigma_theta"] = np.hypot(markers["sigma_theta"], clock.doubt)
+    clock.withheld = bool((unknown & ((markers["flags"] & MarkerFlag.NOT_WOUND) == 0)).any())
     for name in _NUMBERS:
-        later[name] = math.nan
-    later["flags"] = MarkerFlag.NOT_WOUND
+        markers[name][unknown] = math.nan
+    markers["flags"][unknown] = MarkerFlag.NOT_WOUND
     return markers

@@ -7,8 +7,9 @@ A band n that is seen at azimuth A_n in a frame stamped s obeys
 Theta the encoder's angle, d the offset and a_n a constant of the band. Where the speed changes, d
 and a_n separate: over standing and a ramp, the residual of the reading at the stamp is
 a_n - omega d. A wrong number of camera, cylinder or encoder makes bands move by a share s too far,
-which over a ramp looks like an offset: it is an unknown beside d. Least squares over all bands,
-robust against outliers, gives d.
+which over a ramp looks like an offset: it is an unknown beside d. Of a grid of offsets one part
+must explain the bands better than the rest, else d is unobservable; from there least squares over
+all bands, robust against outliers, gives d.
 """
 
 from __future__ import annotations
@@ -21,45 +22,42 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
-from marker_tracker_node.tracking.frame.run_means import SHIFT_SHARE
+from marker_tracker_node.tracking.estimator.numbers import CLOCK, FOCAL, NUMBERS
+from marker_tracker_node.tracking.frame.run_means import ENCODER_TRUST, MEMORY, SHIFT_SHARE
 from winding_core.units import MILLISECOND
 
 FloatArray = NDArray[np.float64]
 
-# Sightings kept of each band, no closer than this in angle or time [rad, s]; a band that stands
-# shows the same pixels, with the same bias, and is kept less often [s].
-ROWS = 256
-SPACING_ANGLE = 4.0e-3
-SPACING_TIME, SPACING_REST = 0.02, 0.1
-REST_ANGLE = 1.0e-3
-# An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
-DRIFT = 1.0e-4
-# Offsets are sought this far beyond the limit [s], on a grid [s], while they are not known so well.
-BEYOND = 0.25
-GRID = 0.01
-LOCKED = 5.0e-3
-# One azimuth across the picture errs by so much together with its neighbours [rad].
-SYSTEMATIC = 1.0e-3
-LEAST_SCATTER = 3.0e-4
-OUTLIER = 2.5
-STEPS = 4
+# Sightings kept of each band; one that moved and aged by less shows the same as the last [rad, s].
+ROWS = 128
+SPACING_ANGLE, SPACING_TIME = 0.02, 0.1
+# Offsets are tried this far beyond the limit [s], and so far apart [s]: between them angles are
+# interpolated, in a ramp of 1.74 rad/s^2 to 0.1 mrad.
+BEYOND, GRID = 0.25, 0.02
+# An offset that leaves less than this share of the sightings within the encoder's readings is none.
+COVERED = 0.5
+# One azimuth errs by so much, and by so much together with all others at its speed [rad].
+SCATTER, SYSTEMATIC = 1.0e-3, 2.5e-4
 # The biases of an azimuth grow towards the edge of the cylinder: weight cos^FACING.
 FACING = 4
-# By how much bands may move too far, one standard deviation: focal length and cylinder are known to
-# 0.1 % (`estimator.numbers`). With 0.2 % the first marker of case 4 would be withheld until P0
-# returns.
-MOTION_SIGMA = 0.001
-# Speeds that differ by less show nothing [rad/s].
-LEAST_SPAN = 0.01
-# A sighting of less weight than this does not count as having been at its speed.
-LEAST_WEIGHT, LEAST_TOTAL = 0.2, 1.0e-9
-REFINED_EVERY, MORE_SPEEDS = 10, 1.1
-# An offset of this size costs as much as so much misfit: without evidence there is none.
-PREFERENCE = 1.0e-4
-# A length may be wrong by this share because of the clock; the part of it that may stay unknown.
+# Sightings so many deviations off count half.
+CAUCHY = 3.0
+STEPS = 4
+# Frames from one estimate to the next, once the offset is known and before.
+REFINED_EVERY, SOUGHT_EVERY = 10, 6
+# An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
+DRIFT = 1.0e-4
+LOCKED = NUMBERS[CLOCK].doubt
+# By how much bands may move too far, one standard deviation: focal length and cylinder.
+MOTION_SIGMA = NUMBERS[FOCAL].doubt
+_LEAST = 1.0e-9
+# In a lap that has not shown P0 it is sought by so much beside where it is expected, and no farther
+# from where it landed [rad]: encoder or times are wrong by up to 7 %, a gate finds a band that is
+# 0.1 rad away, and half a radian farther the estimator would have it behind the cylinder.
+SWEEP = (0.0, 0.14, 0.28, 0.42)
+TURN = 2.0 * math.pi
+# A length may be wrong by this share because of the clock.
 LENGTH_SHARE = 0.002
-WITHHELD_PART = 0.5
-SIGMAS = 2.0
 SURE = 3.0
 # Of a marker's wound angle when it is found first [rad].
 _FIRST_ERROR = 4.0e-3
@@ -88,7 +86,7 @@ class ClockOffset:
     """Refines the offset with every band that is seen.
 
     Memory does not grow: the last sightings of each band are kept. A later estimate that knows much
-    less, after a long pause for instance, does not replace an earlier one.
+    less, after a long time at one speed for instance, does not replace an earlier one.
 
     Attributes:
         estimate: The offset so far.
@@ -104,20 +102,14 @@ class ClockOffset:
         """
         self.estimate = ClockEstimate()
         self._history = history
-        self._reach = limit + BEYOND
-        shape = (bands, ROWS)
-        self._t = np.full(shape, np.nan)
-        self._azimuth = np.full(shape, np.nan)
-        # Reading and speed at the stamp less `at`; nan before the encoder has come so far.
-        self._angle = np.zeros(shape)
-        self._speed = np.zeros(shape)
-        self._at = np.full(shape, np.nan)
-        self._count = np.ones(shape)
+        steps = math.ceil((limit + BEYOND) / GRID)
+        self._offsets = GRID * np.arange(-steps, steps + 1)
+        self._t, self._azimuth, self._weight = np.zeros((3, bands, ROWS))
+        # The encoder where the sightings were by each offset; nan before it has come so far.
+        self._angle = np.full((bands, ROWS, self._offsets.size), np.nan)
         self._place = np.zeros(bands, dtype=int)
         self._frames = 0
-        self._best, self._best_at = math.inf, 0.0
-        # Speeds at which bands were seen, and their range at the last estimate [rad/s].
-        self._slowest, self._fastest, self._span = math.inf, 0.0, 0.0
+        self._found_at = -math.inf
 
     def add(self, t: float, azimuths: FloatArray) -> None:
         """Take what was seen in a frame.
@@ -131,124 +123,85 @@ class ClockOffset:
         for n in np.flatnonzero(np.isfinite(azimuths)):
             self._store(int(n), t, float(azimuths[n]))
         self._frames += 1
-        # Another speed tells more of an offset that is not known, another sighting of it little.
-        span = self._fastest - self._slowest
-        more = not self.estimate.known and span > MORE_SPEEDS * self._span
-        if (more or self._frames % REFINED_EVERY == 0) and self._moving():
-            self._span = span
+        if self._frames % (REFINED_EVERY if self.estimate.known else SOUGHT_EVERY) == 0:
             self._refine()
 
     def _store(self, n: int, t: float, azimuth: float) -> None:
-        place = self._place[n]
-        last = (place - 1) % ROWS
-        passed = abs(t - self._t[n, last])
-        turned = abs(azimuth - self._azimuth[n, last])
-        speed = abs(float(self._history.speeds(np.array([t]))[0]))
-        self._slowest, self._fastest = min(self._slowest, speed), max(self._fastest, speed)
-        stands = speed < LEAST_SPAN
-        if turned < SPACING_ANGLE and passed < (SPACING_REST if stands else SPACING_TIME):
+        place, last = self._place[n], self._place[n] - 1
+        turned, passed = abs(azimuth - self._azimuth[n, last]), t - self._t[n, last]
+        if self._weight[n, last] and turned < SPACING_ANGLE and passed < SPACING_TIME:
             return
-        self._t[n, place], self._azimuth[n, place], self._at[n, place] = t, azimuth, np.nan
-        self._count[n, place] = max(math.cos(azimuth), 0.0) ** FACING
+        self._t[n, place], self._azimuth[n, place] = t, azimuth
+        self._weight[n, place] = max(math.cos(azimuth), 0.0) ** FACING
+        self._angle[n, place] = np.nan
         self._place[n] = (place + 1) % ROWS
-
-    def _moving(self) -> bool:
-        """Return whether the cylinder turned since the oldest sighting that has not settled."""
-        if not np.isfinite(self._t).any():
-            return False
-        span = np.array([np.nanmin(self._t) - self._reach, self._history.newest])
-        before, now = self._history.angles(span)
-        return bool(abs(now - before) > REST_ANGLE)
 
     def _refine(self) -> None:
         """Fit the offset to everything that is kept."""
-        old = self.estimate
-        found = old if old.known else ClockEstimate(offset=self._search())
-        robust = np.ones(self._t.shape)
-        for _ in range(STEPS):
-            self._linearise(found.offset)
-            found, robust = self._solve(found.offset, robust)
-        now = self._history.newest
-        if found.error <= self._best:
-            self._best, self._best_at = found.error, now
-        if old.known and found.error > self._best + DRIFT * (now - self._best_at):
+        instants = self._t[:, :, None] - self._offsets
+        new = np.isnan(self._angle) & (self._weight > 0.0)[:, :, None]
+        new &= (instants >= self._history.first) & (instants <= self._history.newest)
+        self._angle[new] = self._history.angles(instants[new])
+        old, now = self.estimate, self._history.newest
+        found = self._solve(old.offset) if old.known else self._search()
+        if old.known and found.error > min(old.error + DRIFT * (now - self._found_at), LOCKED):
             found = replace(old, shift=old.shift if math.isnan(found.shift) else found.shift)
+        else:
+            self._found_at = now
         self.estimate = found
 
-    def _search(self) -> float:
-        """Return the offset [s] of a grid that explains P0's sightings best."""
-        rows = np.isfinite(self._t[0])
-        if not rows.any():
-            return 0.0
-        grid = np.arange(-self._reach, self._reach + 0.5 * GRID, GRID)
-        instants = self._t[0, rows] - grid[:, None]
-        covered = instants >= self._history.oldest
-        if not covered.all(axis=0).any():
-            return 0.0
-        residual = np.where(
-            covered, self._azimuth[0, rows] - self._history.angles(instants), np.nan
-        )
-        middle = np.nanmedian(residual, axis=1)[:, None]
-        cost = np.nanmean(np.abs(residual - middle), axis=1)
-        cost += PREFERENCE * np.abs(grid) / self._reach
-        return float(grid[int(np.argmin(cost))])
+    def _search(self) -> ClockEstimate:
+        """Return the offset, if but one part of the grid explains the sightings."""
+        weight = np.where(np.isnan(self._angle), 0.0, self._weight[:, :, None])
+        residual = np.where(weight > 0.0, self._azimuth[:, :, None] - self._angle, 0.0)
+        count, robust = weight.sum(axis=(0, 1)), weight
+        for _ in range(STEPS):
+            mean = (robust * residual).sum(axis=1) / np.maximum(robust.sum(axis=1), _LEAST)
+            square = ((residual - mean[:, None]) / (CAUCHY * SCATTER)) ** 2
+            robust = weight / (1.0 + square)
+        usable = np.flatnonzero(count > COVERED * count.max())
+        if not usable.size:
+            return ClockEstimate()
+        cost = CAUCHY**2 * (weight * np.log1p(square)).sum(axis=(0, 1))[usable] / count[usable]
+        as_well = usable[cost < cost.min() + 1.0]
+        start = float(self._offsets[as_well[np.argmin(np.abs(self._offsets[as_well]))]])
+        found = self._solve(start)
+        if as_well[0] > usable[0] and as_well[-1] < usable[-1] and np.ptp(as_well) < as_well.size:
+            return found
+        return replace(found, offset=start, error=math.inf)
 
-    def _linearise(self, offset: float) -> None:
-        """Read the encoder where the sightings were, if the offset is this one."""
-        instants = self._t - offset
-        covered = (instants <= self._history.newest) & (instants >= self._history.oldest)
-        self._angle[covered] = self._history.angles(instants[covered])
-        self._speed[covered] = self._history.speeds(instants[covered])
-        self._at[covered] = offset
-
-    def _solve(self, offset: float, robust: FloatArray) -> tuple[ClockEstimate, FloatArray]:
-        """Take one Gauss-Newton step from an offset [s] and return the next robust weights.
-
-        Args:
-            offset: About which residuals are linear [s].
-            robust: Weights of the sightings, shape (bands, ROWS).
-        """
-        seen = np.isfinite(self._at)
-        weight = np.where(seen, robust * self._count, 0.0)
-        total = np.maximum(weight.sum(axis=1), LEAST_TOTAL)
-
-        def mean(values: FloatArray) -> FloatArray:
-            result: FloatArray = np.einsum("nk,nk->n", weight, values) / total
-            return result
-
-        speed = np.where(seen, self._speed, 0.0)
-        residual = self._azimuth - self._angle + self._speed * (offset - self._at)
-        residual = np.where(seen, residual, 0.0)
-        mean_speed, mean_residual = mean(speed), mean(residual)
-        rates = np.where(weight > LEAST_WEIGHT, speed, mean_speed[:, None])
-        span = float(np.ptp(rates, axis=1).max())
-        angle = np.where(seen, self._angle, 0.0)
-        speed -= mean_speed[:, None]
-        residual -= mean_residual[:, None]
-        angle -= mean(angle)[:, None]
-        if not seen[0].any():
-            mean_residual[0] = math.nan
-        if span < LEAST_SPAN:
-            return ClockEstimate(offset=offset, shift=float(mean_residual[0])), robust
-        columns = (-speed, angle)
-        normal = np.array([[(total * mean(a * b)).sum() for b in columns] for a in columns])
-        normal[1, 1] += (SYSTEMATIC / MOTION_SIGMA) ** 2
-        wanted = np.array([(total * mean(column * residual)).sum() for column in columns])
-        step, share = np.linalg.solve(normal, wanted).tolist()
-        information = float(normal[0, 0] - normal[0, 1] ** 2 / normal[1, 1])
-        moved = min(max(offset + step, -self._reach), self._reach)
-        left = residual + speed * (moved - offset) - share * angle
-        if abs(moved) == self._reach:
-            # An offset at the bound of the search is unknown.
-            return ClockEstimate(shift=float(mean_residual[0])), robust
-        scatter = max(1.4826 * float(np.median(np.abs(left[seen]))), LEAST_SCATTER)
-        variance = max(float((weight * left * left).sum() / weight.sum()), LEAST_SCATTER**2)
-        found = ClockEstimate(
-            offset=moved,
-            error=math.sqrt(variance / information + (SYSTEMATIC / span) ** 2),
-            shift=float(mean_residual[0] + mean_speed[0] * (moved - offset)),
-        )
-        return found, 1.0 / np.maximum(np.abs(left) / (OUTLIER * scatter), 1.0) ** 2
+    def _solve(self, offset: float) -> ClockEstimate:
+        """Return the offset [s] of least squares, about one that is nearly right."""
+        error, robust = math.inf, self._weight
+        for _ in range(STEPS):
+            place = min(max((offset - self._offsets[0]) / GRID, 0.0), self._offsets.size - 1.001)
+            before, after = np.moveaxis(self._angle[:, :, int(place) : int(place) + 2], 2, 0)
+            seen = np.isfinite(before + after)
+            speed = np.where(seen, before - after, 0.0) / GRID
+            angle = np.where(seen, before, 0.0) - GRID * (place % 1.0) * speed
+            robust = np.where(seen, robust, 0.0)
+            # What is left, and how it goes with offset and share, of each band about its mean.
+            rows = np.array([np.where(seen, self._azimuth - angle, 0.0), -speed, angle])
+            mean = (robust * rows).sum(axis=2) / np.maximum(robust.sum(axis=1), _LEAST)
+            left, *columns = np.where(seen, rows - mean[:, :, None], 0.0)
+            normal = np.einsum("ank,bnk,nk->ab", columns, columns, robust)
+            normal[1, 1] += (SCATTER / MOTION_SIGMA) ** 2
+            information = float(normal[0, 0] - normal[0, 1] ** 2 / normal[1, 1])
+            if information < _LEAST:
+                break
+            step = np.linalg.solve(normal, np.einsum("ank,nk,nk->a", columns, left, robust))
+            offset += float(step[0])
+            left -= np.einsum("a,ank->nk", step, columns)
+            count, square = float(robust.sum()), float((robust * left * left).sum())
+            error = math.sqrt(
+                (max(square / count, SCATTER**2) + count * SYSTEMATIC**2) / information
+            )
+            scatter = max(1.4826 * float(np.median(np.abs(left[seen]))), SCATTER)
+            robust = self._weight / (1.0 + (left / (CAUCHY * scatter)) ** 2)
+        if abs(offset) >= self._offsets[-1]:
+            offset, error = 0.0, math.inf
+        shift = float(mean[0, 0]) if seen[0].any() else math.nan
+        return ClockEstimate(offset=offset, error=error, shift=shift)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -267,11 +220,13 @@ class CameraClock:
     """The offset of a run's camera and what follows from it.
 
     A wound angle that rests on the encoder is wrong by offset x (speed - speed at which P0 was
-    seen): nothing while the machine stands, most behind the ramp.
+    seen): nothing at the speed of P0, most behind the ramp. One of a frame with P0 is right.
 
     Attributes:
         settings: What to do about it.
-        withheld: Whether markers of the last frame were withheld.
+        doubt: One standard deviation of wound angles for the offset, as far as it is not corrected
+            [rad], shape (bands,); infinity where it is unobservable and would matter.
+        withheld: Whether markers of the last frame were withheld for it.
         applied: Whether the offset is corrected by now.
     """
 
@@ -287,18 +242,25 @@ class CameraClock:
         """
         self.settings = settings
         self.withheld = False
+        self.applied = False
+        self.doubt = np.zeros(config.marker_count + 1)
         self._history = history
         self._offset = ClockOffset(history, config.marker_count + 1, settings.limit)
         self._tolerance = max(LENGTH_SHARE * config.expected_gap, _FIRST_ERROR)
-        self._allowed = WITHHELD_PART * self._tolerance
         self._gap = config.expected_gap
         self._fastest = 0.0
         # Mean speed at which the tracker's shift was measured, and its weight in frames.
         self._usual = 0.0
         self._weight = 0.0
+        # By how much faster the cylinder was in the frames of each run mean [rad/s], and theirs.
+        self._faster, self._weights = np.zeros((2, config.marker_count + 1))
         self._strayed = 0.0
-        self._missed = 0
-        self.applied = False
+        self._usable = config.usable_azimuth
+        # Frames since P0 was seen, the lap that passes, and whether it has shown P0.
+        self._missed, self._lap, self._shown = 0, 0, False
+        # Azimuth of P0 at encoder angle zero [rad], as the last frame tried it beside the estimate,
+        # and where that has found it; else nan.
+        self._tried = self._astray = math.nan
 
     @property
     def estimate(self) -> ClockEstimate:
@@ -313,11 +275,22 @@ class CameraClock:
             angle: Reading that the frame is paired with [rad].
             shift: See `Run` [rad].
         """
+        self._tried = math.nan
         # Every second frame without P0 asks the encoder alone, should the estimate be wrong.
         if not math.isfinite(self.estimate.shift) or self._missed % 2:
             return 0.0
-        then = np.array([t - self.estimate.offset])
-        return float(self._history.angles(then)[0]) + self.estimate.shift - angle - shift
+        read = float(self._history.angles(np.array([t - self.estimate.offset]))[0])
+        zero = self._astray if math.isfinite(self._astray) else self.estimate.shift
+        lap = round((read + zero) / TURN)
+        if lap != self._lap:
+            self._lap, self._shown = lap, False
+        place = read + zero - TURN * lap
+        if self._missed and not self._shown and abs(place) < self._usable:
+            # Before the middle of the view P0 can only be ahead, behind it only late.
+            step = SWEEP[self._missed // 2 % len(SWEEP)]
+            most = max(SWEEP[-1], abs(zero))
+            zero = self._tried = min(max(zero - math.copysign(step, place), -most), most)
+        return read + zero - angle - shift
 
     def take(self, t: float, azimuths: FloatArray) -> None:
         """Take what was seen in a frame that had a reading.
@@ -327,16 +300,28 @@ class CameraClock:
             azimuths: Of the bands [rad], nan where not seen, shape (markers,).
         """
         self._offset.add(t, azimuths)
-        speed = self._speed(t)
-        sure = math.isfinite(self.estimate.error) and self._doubt(speed) <= self._allowed
-        self.applied = self.applied or (self.settings.correct and sure)
+        estimate = self.estimate
+        speed = self._history.speed(t - estimate.offset)
+        self.applied = self.applied or (self.settings.correct and estimate.known)
         self._fastest = max(self._fastest, abs(speed))
-        if math.isfinite(azimuths[0]):
+        seen = np.isfinite(azimuths)
+        if seen[0]:
             self._weight += 1.0
             self._usual += max(1.0 / self._weight, SHIFT_SHARE) * (speed - self._usual)
-            self._missed = 0
+            if not self._shown or self._missed % 2:
+                self._astray = self._tried
+            self._missed, self._shown = 0, True
         else:
             self._missed += 1
+        faster = 0.0 if seen[0] else speed - self._usual
+        trust = 1.0 if seen[0] else ENCODER_TRUST
+        self._weights[seen] = np.minimum(self._weights[seen] + trust, MEMORY)
+        self._faster[seen] += trust / self._weights[seen] * (faster - self._faster[seen])
+        rates = np.abs(np.where(seen, faster, self._faster))
+        error = min(estimate.error, self.settings.limit)
+        self.doubt = math.hypot(error, 0.0 if self.applied else estimate.offset) * rates
+        if not estimate.known:
+            self.doubt[self.doubt > 0.5 * self._tolerance] = math.inf
 
     def stray(self, lead: float) -> None:
         """Take note of a frame whose stamp lies far outside the encoder's readings.
@@ -345,11 +330,6 @@ class CameraClock:
             lead: How far it is ahead of them, negative for behind [s].
         """
         self._strayed = lead
-
-    def trusts(self, t: float) -> bool:
-        """Return whether what is unknown of the offset leaves a frame's lengths alone."""
-        usual = 0.0 if self.applied else self._usual
-        return self._doubt(self._speed(t) - usual) <= self._allowed
 
     @property
     def refusal(self) -> str:
@@ -361,7 +341,7 @@ class CameraClock:
     def warning(self) -> str:
         """What is wrong with lengths because of the clock; empty while nothing is."""
         estimate = self.estimate
-        wrong = abs(estimate.offset) * self._fastest + self._doubt(self._fastest)
+        wrong = (abs(estimate.offset) + 2.0 * estimate.error) * self._fastest
         significant = abs(estimate.offset) > SURE * estimate.error
         if wrong > self._tolerance and significant and not self.settings.correct:
             share = f"{100.0 * wrong / self._gap:.1f} %, limit {100.0 * LENGTH_SHARE:.1f} %"
@@ -380,13 +360,6 @@ class CameraClock:
         numbers = (estimate.offset, estimate.error) if known else (math.nan, math.nan)
         offset, error = (f"{number / MILLISECOND:.2f}" for number in numbers)
         return {"camera_clock_offset_ms": offset, "camera_clock_offset_error_ms": error}
-
-    def _doubt(self, speed: float) -> float:
-        """Return by how much an angle may be wrong for what is not known of the offset [rad]."""
-        return min(SIGMAS * self.estimate.error, self.settings.limit) * abs(speed)
-
-    def _speed(self, t: float) -> float:
-        return float(self._history.speeds(np.array([t - self.estimate.offset]))[0])
 
 
 def _ahead(offset: float) -> str:
