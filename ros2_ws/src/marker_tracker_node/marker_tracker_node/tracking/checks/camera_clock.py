@@ -54,7 +54,7 @@ _LEAST = 1.0e-9
 # In a lap that has not shown P0 it is sought by so much beside where it is expected, and no farther
 # from where it landed [rad]: encoder or times are wrong by up to 7 %, a gate finds a band that is
 # 0.1 rad away, and half a radian farther the estimator would have it behind the cylinder.
-SWEEP = (0.0, 0.14, 0.28, 0.42)
+SWEEP = (0.14, -0.14, 0.28, -0.28, 0.42, -0.42)
 TURN = 2.0 * math.pi
 # A length may be wrong by this share because of the clock.
 LENGTH_SHARE = 0.002
@@ -286,10 +286,10 @@ class CameraClock:
             self._lap, self._shown = lap, False
         place = read + zero - TURN * lap
         if self._missed and not self._shown and abs(place) < self._usable:
-            # Before the middle of the view P0 can only be ahead, behind it only late.
-            step = SWEEP[self._missed // 2 % len(SWEEP)]
-            most = max(SWEEP[-1], abs(zero))
-            zero = self._tried = min(max(zero - math.copysign(step, place), -most), most)
+            in_view = [step for step in SWEEP if abs(place + step) < self._usable]
+            most = max(SWEEP[-2], abs(zero))
+            zero += in_view[self._missed // 2 % len(in_view)]
+            zero = self._tried = min(max(zero, -most), most)
         return read + zero - angle - shift
 
     def take(self, t: float, azimuths: FloatArray) -> None:

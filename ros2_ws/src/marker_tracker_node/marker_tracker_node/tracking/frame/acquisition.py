@@ -16,8 +16,10 @@ from marker_tracker_node.detection.gate import (
     ANY,
     FIRST_COLOUR,
     HIDDEN,
+    MEASURED,
     NO_IDENTITY,
     OUT_OF_SIGHT,
+    PARTLY,
     TABLE_SIZE,
     Gates,
     Picture,
@@ -51,6 +53,9 @@ from winding_core.compiling import called
 FloatArray = NDArray[np.float64]
 
 P0_REACH = 0.45
+# An encoder or clock that is wrong has P0 so far from its place [rad]: a camera that is 0.25 s late
+# at 4 rad/s.
+ASTRAY = 1.0
 # A marker proves itself on the free span, this far before it lands [rad].
 APPROACH = 0.25
 SAME_PLACE = 0.035
@@ -166,7 +171,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     reach = search_reach(setup, marks, theta)
     if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > reach:
         return
-    if _lies_on_another_turn(scan, theta, z):
+    if _is_first(scan, theta, z) or _lies_on_another_turn(scan, theta, z):
         return
     if (
         theta > turned + APPROACH
@@ -186,6 +191,18 @@ def _colour_in_gate(picture: Picture, gates: Gates, n: int) -> int:  # pragma: n
             if count > most:
                 best, most = colour, count
     return best
+
+
+@called
+def _is_first(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
+    """Return whether a band at a height [m] is P0, which was not seen where it was expected."""
+    marks = scan.cable.marks
+    if not marks.known[0] or scan.outcome[0] in (MEASURED, PARTLY):
+        return False
+    away = theta - marks.theta[0]
+    away -= 2.0 * math.pi * round(away / (2.0 * math.pi))
+    beside = abs(z - marks.height[0])
+    return bool(abs(away) < ASTRAY and beside < 0.5 * scan.setup.body.cable_radius)
 
 
 @called
