@@ -68,160 +68,93 @@ def setup_of(fixed: FixedNumbers) -> Setup:  # pragma: no cover
 
 
 class Cylinder:
-    """What is known of the cylinder's rotation.
+    """What is known of the cylinder's rotation."""
 
-    Attributes:
-        angle: In the last frame [rad], unwrapped.
-        time: Of the last frame [s].
-        rate: [rad/s]
-        wraps: Turns that the encoder lost by wrapping [rad].
-        started: Whether there was a frame.
-        blind: Whether the encoder is missing.
-        read: Angle when the encoder was read last [rad]; nan before that.
-    """
-
-    angle: float
-    time: float
-    rate: float
-    wraps: float
-    started: bool
-    blind: bool
-    read: float
+    angle: float  # In the last frame [rad], unwrapped
+    time: float  # Of the last frame [s]
+    rate: float  # [rad/s]
+    wraps: float  # Turns that the encoder lost by wrapping [rad]
+    started: bool  # Whether there was a frame
+    blind: bool  # Whether the encoder is missing
+    read: float  # Angle when the encoder was read last [rad]; nan before that
 
 
 class Guide:
-    """What is known of the guide, see `follow_guide`.
+    """What is known of the guide, see `follow_guide`."""
 
-    Attributes:
-        way: Since P0 landed, in the last frame [m].
-        reading: Of the last frame that had one [m]; nan before.
-        zero: What it reads where P0 lands [m]; nan before the first reading.
-        travel: Of the readings while the cylinder turned [m].
-        turned: Rotation in which that was [rad].
-        offset: How much further than `way` the guide stands, as the markers show [m].
-        belief: One of BY_READINGS and so on.
-        since: Cylinder angle when that was decided, or P0 was found [rad].
-    """
-
-    way: float
-    reading: float
-    zero: float
-    travel: float
-    turned: float
-    offset: float
-    belief: int
-    since: float
+    way: float  # Since P0 landed, in the last frame [m]
+    reading: float  # Of the last frame that had one [m]; nan before
+    zero: float  # What it reads where P0 lands [m]; nan before the first reading
+    travel: float  # Of the readings while the cylinder turned [m]
+    turned: float  # Rotation in which that was [rad]
+    offset: float  # How much further than `way` the guide stands, as the markers show [m]
+    belief: int  # One of BY_READINGS and so on
+    since: float  # Cylinder angle when that was decided, or P0 was found [rad]
 
 
 class Run:
-    """What all markers have in common.
+    """What all markers have in common."""
 
-    Attributes:
-        cylinder: Its rotation.
-        guide: On the carriage.
-        shift: Azimuth seen minus azimuth of the encoder [rad].
-        shift_weight: Of this mean, in frames.
-        path_filled: Filled places of the paths.
-    """
-
-    cylinder: Cylinder
-    guide: Guide
-    shift: float
-    shift_weight: float
-    path_filled: int
+    cylinder: Cylinder  # Its rotation
+    guide: Guide  # On the carriage
+    shift: float  # Azimuth seen minus azimuth of the encoder [rad]
+    shift_weight: float  # Of this mean, in frames
+    path_filled: int  # Filled places of the paths
 
 
 class Marks:
-    """What is known of each marker, arrays of shape (markers,).
+    """What is known of each marker, arrays of shape (markers,)."""
 
-    Attributes:
-        known: Whether the marker was found.
-        theta: Run mean of the wound angle [rad].
-        height: Run mean of z as seen [m].
-        weight: Of these means, in frames.
-        var_theta: Variance of a single frame [rad^2].
-        var_height: The same of z [m^2].
-        area: Measured over expected area.
-        reference: Wound angle after its first frames [rad].
-        recent: Moving mean of the wound angle [rad].
-        doubt_theta: Variance of that for what is not known of corrected numbers [rad^2].
-        doubt_height: The same of z [m^2].
-        left_theta: What published angles still have of those before a correction [rad].
-        left_height: The same of z [m].
-    """
-
-    known: FlagArray
-    theta: FloatArray
-    height: FloatArray
-    weight: FloatArray
-    var_theta: FloatArray
-    var_height: FloatArray
-    area: FloatArray
-    reference: FloatArray
-    recent: FloatArray
-    doubt_theta: FloatArray
-    doubt_height: FloatArray
-    left_theta: FloatArray
-    left_height: FloatArray
+    known: FlagArray  # Whether the marker was found
+    theta: FloatArray  # Run mean of the wound angle [rad]
+    height: FloatArray  # Run mean of z as seen [m]
+    weight: FloatArray  # Of these means, in frames
+    var_theta: FloatArray  # Variance of a single frame [rad^2]
+    var_height: FloatArray  # The same of z [m^2]
+    area: FloatArray  # Measured over expected area
+    reference: FloatArray  # Wound angle after its first frames [rad]
+    recent: FloatArray  # Moving mean of the wound angle [rad]
+    doubt_theta: FloatArray  # Variance of that for what is not known of corrected numbers [rad^2]
+    doubt_height: FloatArray  # The same of z [m^2]
+    left_theta: FloatArray  # What published angles still have of those before a correction [rad]
+    left_height: FloatArray  # The same of z [m]
 
 
 class Candidates:
-    """Something marker-coloured that may prove to be a marker, arrays of shape (CANDIDATES,).
+    """Something marker-coloured that may prove to be a marker, arrays of shape (CANDIDATES,)."""
 
-    Attributes:
-        hits: Frames in which it was seen; zero where the place is free.
-        colour: See `Picture`.
-        identity: See `Detection`.
-        first: Wound angle when it was seen first [rad].
-        theta: Mean wound angle [rad].
-        height: Mean z as seen [m].
-        area: Mean of measured over expected area.
-        start: Cylinder angle when it was seen first [rad].
-        last: Cylinder angle when it was seen last [rad].
-    """
-
-    hits: IndexArray
-    colour: IndexArray
-    identity: IndexArray
-    first: FloatArray
-    theta: FloatArray
-    height: FloatArray
-    area: FloatArray
-    start: FloatArray
-    last: FloatArray
+    hits: IndexArray  # Frames in which it was seen; zero where the place is free
+    colour: IndexArray  # See `Picture`
+    identity: IndexArray  # See `Detection`
+    first: FloatArray  # Wound angle when it was seen first [rad]
+    theta: FloatArray  # Mean wound angle [rad]
+    height: FloatArray  # Mean z as seen [m]
+    area: FloatArray  # Mean of measured over expected area
+    start: FloatArray  # Cylinder angle when it was seen first [rad]
+    last: FloatArray  # Cylinder angle when it was seen last [rad]
 
 
 class Output:
     """What frames yield of each marker, arrays of shape (frames, markers).
 
     Attributes:
-        theta: Wound angle [rad].
-        height: z from P0 [m].
         sigma_theta: One standard deviation [rad]; until results are written, of a mark that is
             seen in part, by how much that of its azimuth exceeds that of a whole one.
-        sigma_height: One standard deviation [m]; until then the same of z.
         azimuth: As seen [rad], nan where the marker was not measured; so are the following.
-        seen_height: z as seen [m].
-        slope: dz/dtheta of the cable [m/rad].
-        low: See `Band` [rad].
-        high: See `Band` [rad].
-        below: See `Band` [m].
-        above: See `Band` [m].
-        marker_flags: See `MarkerFlag`; an array has flags of its own.
     """
 
-    theta: FloatArray
-    height: FloatArray
+    theta: FloatArray  # Wound angle [rad]
+    height: FloatArray  # z from P0 [m]
     sigma_theta: FloatArray
-    sigma_height: FloatArray
+    sigma_height: FloatArray  # One standard deviation [m]; until then the same of z
     azimuth: FloatArray
-    seen_height: FloatArray
-    slope: FloatArray
-    low: FloatArray
-    high: FloatArray
-    below: FloatArray
-    above: FloatArray
-    marker_flags: NDArray[np.uint32]
+    seen_height: FloatArray  # z as seen [m]
+    slope: FloatArray  # dz/dtheta of the cable [m/rad]
+    low: FloatArray  # See `Band` [rad]
+    high: FloatArray  # See `Band` [rad]
+    below: FloatArray  # See `Band` [m]
+    above: FloatArray  # See `Band` [m]
+    marker_flags: NDArray[np.uint32]  # See `MarkerFlag`; an array has flags of its own
 
 
 _KINDS: tuple[tuple[Any, Any, type[np.generic]], ...] = (

@@ -17,18 +17,15 @@ class Contradiction:
     """A configured number that the pictures speak against.
 
     Attributes:
-        number: Its name: one of `numbers`, marker_spacing, marker_colour or light.
         share: By how much it is set too large, relative; nan where that is not known.
-        sigma: Standard error of the share; nan where it is not known.
-        alternatives: Names of the numbers that explain the pictures as well.
         doubted: Whether the error is within what is doubted of the number: then it is corrected.
     """
 
-    number: str
+    number: str  # Its name: one of `numbers`, marker_spacing, marker_colour or light
     sentence: str  # In words
     share: float = math.nan
-    sigma: float = math.nan
-    alternatives: tuple[str, ...] = ()
+    sigma: float = math.nan  # Standard error of the share; nan where it is not known
+    alternatives: tuple[str, ...] = ()  # Names of the numbers that explain the pictures as well
     doubted: bool = False
 
     @property

@@ -78,26 +78,19 @@ class Seen:
     Attributes:
         rows: Sightings: marker, lap, t [s], encoder angle [rad], azimuth within the lap [rad],
             and z, slope, low, high, below, above as in `Band`, shape (k, 11).
-        motion: The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad].
-        area: Logarithm of the median of measured over expected area; nan if there is none.
-        zeroed: Whether the encoder's zero is configured, and not found from P0 itself.
-        camera: Content of CameraInfo.
-        used: Pose with which azimuth and z were computed.
-        nominal: Pose as configured.
-        body: What the bands are painted on, as configured.
         begun: Pose with which the run began, from P0 where it has given one; None for the nominal.
         without: Errors of focal length and body that were taken off for azimuth and z, see
             `NUMBERS`, shape (numbers,); zero for the configured ones.
     """
 
     rows: FloatArray
-    motion: FloatArray
-    area: float
-    zeroed: bool
-    camera: PinholeCamera
-    used: CameraPose
-    nominal: CameraPose
-    body: Body
+    motion: FloatArray  # The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad]
+    area: float  # Logarithm of the median of measured over expected area; nan if there is none
+    zeroed: bool  # Whether the encoder's zero is configured, and not found from P0 itself
+    camera: PinholeCamera  # Content of CameraInfo
+    used: CameraPose  # Pose with which azimuth and z were computed
+    nominal: CameraPose  # Pose as configured
+    body: Body  # What the bands are painted on, as configured
     begun: CameraPose | None = None
     without: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 

@@ -67,12 +67,11 @@ class Verdict:
 
     Attributes:
         wrong: None, one or two; each with what explains it as well.
-        explained: Whether what is wrong explains the sightings.
     """
 
     usual: Fit  # With every number as configured
     wrong: tuple[tuple[Explanation, ...], ...]
-    explained: bool = True
+    explained: bool = True  # Whether what is wrong explains the sightings
 
     @property
     def released(self) -> tuple[Explanation, ...]:
