@@ -67,7 +67,7 @@ class Studio:
         known = ~np.isnan(self.lay.marker_theta)
         self.theta = self.lay.marker_theta[known]
         info = self.config.calibration()
-        self.camera = PinholeCamera.from_info(
+        self.camera = PinholeCamera(
             width=info.width,
             height=info.height,
             k=info.k,

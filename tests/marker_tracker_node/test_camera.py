@@ -29,7 +29,7 @@ STRONG = np.array([-0.35, 0.12, 1.0e-3, -8.0e-4, 0.0])
 
 def camera(**changes):
     fields = {"width": 1920, "height": 1080, "k": K, "d": STRONG}
-    return PinholeCamera.from_info(**{**fields, **changes})
+    return PinholeCamera(**{**fields, **changes})
 
 
 def undistorted(lens, pixels):
@@ -155,7 +155,7 @@ def test_a_charuco_board_gives_the_lens_back():
     # A shift of the picture is a turn of the camera, which the pose takes up; the rest is the
     # lens. 24 views were measured to leave 0.006 px and 6 views 0.017 px rms on larger pictures.
     grid = np.stack(np.meshgrid(np.linspace(75, 885, 6), np.linspace(45, 495, 4)), -1)
-    real = PinholeCamera.from_info(width=960, height=540, k=BOARD_K, d=BOARD_D)
+    real = PinholeCamera(width=960, height=540, k=BOARD_K, d=BOARD_D)
     views_of = (pinhole.view(CameraPose()) for pinhole in (result.camera, real))
     rays, truth = (
         np.array([plane_of_pixel(view, u, v) for u, v in grid.reshape(-1, 2)]) for view in views_of
@@ -204,12 +204,12 @@ def test_inner_corners_given_as_squares_are_named(more, marker):
 def test_a_lens_that_folds_its_picture_is_refused(k1, k2, k3, folds):
     given = {"width": SIZE[0], "height": SIZE[1], "k": BOARD_K, "d": [k1, k2, 0.0, 0.0, k3]}
     if not folds:
-        PinholeCamera.from_info(**given)
+        PinholeCamera(**given)
         return
     with pytest.raises(ValueError, match="folds the picture"):
-        PinholeCamera.from_info(**given)
+        PinholeCamera(**given)
     # In a window around the centre no ray comes near the fold.
-    PinholeCamera.from_info(**given, roi=(430, 210, 100, 100))
+    PinholeCamera(**given, roi=(430, 210, 100, 100))
 
 
 def test_real_chessboards_of_opencv():
@@ -238,7 +238,7 @@ def test_an_impossible_board_is_refused():
 
 
 def test_the_camera_file_comes_back_and_is_the_standard_one(tmp_path):
-    camera = PinholeCamera.from_info(
+    camera = PinholeCamera(
         width=1920, height=1080, k=BOARD_K, d=BOARD_D, roi=(0, 393, 1920, 288), binning=3
     )
     path = tmp_path / "camera.yaml"

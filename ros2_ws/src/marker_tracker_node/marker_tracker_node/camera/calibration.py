@@ -155,9 +155,7 @@ def calibrate(pictures: Sequence[ByteArray], board: Board) -> Calibration:
         None,
     )
     try:
-        camera = PinholeCamera.from_info(
-            width=width, height=height, k=matrix, d=np.ravel(distortion)[:5]
-        )
+        camera = PinholeCamera(width=width, height=height, k=matrix, d=np.ravel(distortion)[:5])
     except ValueError as error:
         raise CalibrationError(
             f"the photographs do not determine the lens: {error}; show the board near the edges "
@@ -224,7 +222,7 @@ def read_camera(path: Path) -> PinholeCamera:
     try:
         content = load_yaml(path.read_text(encoding="utf-8"))
         roi = content.get("roi", {})
-        return PinholeCamera.from_info(
+        return PinholeCamera(
             width=int(content["image_width"]),
             height=int(content["image_height"]),
             k=content["camera_matrix"]["data"],

@@ -18,12 +18,11 @@ from rosbags.typesys import Stores, get_typestore
 
 from marker_tracker_node.camera.image_formats import ImageFormatError, PixelReader, RawImage
 from marker_tracker_node.camera.pinhole import PinholeCamera
-from marker_tracker_node.camera.recordings import Motion, RecordingError
+from marker_tracker_node.camera.recordings import PICTURES, Motion, RecordingError
 from winding_core.units import MILLISECOND
 
 ByteArray = NDArray[np.uint8]
 
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 # A recording whose first pictures are all refused is refused.
 _HOPELESS = 50
 _GIVE_RATE = "give the camera's rate (--fps) to count pictures instead"
@@ -135,9 +134,9 @@ class FrameSource:
         assert self._times is not None
         try:
             self._times.take(t)
-        except FrameTimeError as error:
+        except FrameTimeError:
             if self._fps is None:
-                raise RecordingError(str(error)) from error
+                raise
         return t if self._fps is None else number / self._fps
 
     def _folder(self) -> Iterator[tuple[float, RawImage]]:
@@ -145,11 +144,8 @@ class FrameSource:
         if index.exists():
             listed = _listed(index)
             self._times = FrameTimes(index.name)
-            try:
-                for _, t in listed:
-                    self._times.take(t)
-            except FrameTimeError as error:
-                raise RecordingError(str(error)) from error
+            for _, t in listed:
+                self._times.take(t)
         else:
             if self._fps is None:
                 raise RecordingError(f"{self._path} has no frames.csv: give the frame rate (--fps)")
@@ -182,21 +178,16 @@ class FrameSource:
     def _bag(self) -> Iterator[tuple[float, RawImage]]:
         self._times = FrameTimes(f"the pictures of {self._path.name}", backwards=True)
         for _, t, message in messages(self._path, ("Image",)):
-            try:
-                self._times.take(t)
-            except FrameTimeError as error:
-                raise RecordingError(str(error)) from error
-            yield (
-                t,
-                RawImage(
-                    height=message.height,
-                    width=message.width,
-                    encoding=message.encoding,
-                    step=message.step,
-                    big_endian=bool(message.is_bigendian),
-                    data=message.data,
-                ),
+            self._times.take(t)
+            picture = RawImage(
+                height=message.height,
+                width=message.width,
+                encoding=message.encoding,
+                step=message.step,
+                big_endian=bool(message.is_bigendian),
+                data=message.data,
             )
+            yield t, picture
 
 
 def _listed(index: Path) -> list[tuple[Path, float]]:
@@ -211,7 +202,7 @@ def _listed(index: Path) -> list[tuple[Path, float]]:
     return [(index.parent / name, t) for name, t in listed]
 
 
-class FrameTimeError(ValueError):
+class FrameTimeError(RecordingError):
     """Pictures have no times that can be used."""
 
 
@@ -361,7 +352,7 @@ def _busiest(links: list[Any]) -> list[Any]:
 def _camera_of(message: Any) -> PinholeCamera:
     roi = message.roi
     try:
-        return PinholeCamera.from_info(
+        return PinholeCamera(
             width=message.width,
             height=message.height,
             k=message.k,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -101,52 +101,35 @@ class PinholeCamera:
     Pixel centres lie at whole numbers and a binned pixel is the mean of binning x binning raw
     ones, so column i of the image has its centre at x_offset + binning (i + 1/2) - 1/2.
 
-    Attributes:
-        roi: x_offset, y_offset, width, height; all zero for the whole sensor.
+    Raises:
+        ValueError: The camera is not calibrated (K[0] = 0), or a field contradicts another.
     """
 
     width: int  # Columns of the full sensor
     height: int  # Rows of the full sensor
-    k: FloatArray  # Camera matrix, shape (3, 3)
-    d: FloatArray  # plumb_bob distortion k1, k2, p1, p2, k3, shape (5,); empty for none
+    k: FloatArray  # Camera matrix, shape (3, 3); given in any shape
+    d: FloatArray  # plumb_bob distortion k1, k2, p1, p2, k3, shape (5,); given empty for none
+    # x_offset, y_offset, width, height; given without a size for the whole sensor.
     roi: tuple[int, int, int, int] = (0, 0, 0, 0)
     binning: int = 1  # Raw pixels per image pixel; zero counts as one
     distortion_model: str = PLUMB_BOB  # "plumb_bob"
 
     @classmethod
-    def from_info(
-        cls,
-        *,
-        width: int,
-        height: int,
-        k: ArrayLike,
-        d: ArrayLike,
-        roi: tuple[int, int, int, int] = (0, 0, 0, 0),
-        binning: int = 1,
-        distortion_model: str = PLUMB_BOB,
-    ) -> PinholeCamera:
-        """Build a camera from the fields of a CameraInfo.
-
-        Raises:
-            ValueError: The camera is not calibrated (K[0] = 0), or a field contradicts another.
-        """
-        matrix = np.array(k, dtype=float).reshape(3, 3)
-        distortion = np.array(d, dtype=float).ravel()
-        if distortion.size == 0:
-            distortion = np.zeros(5)
-        if roi[2] == 0 or roi[3] == 0:
-            roi = (0, 0, width, height)
-        return cls(
-            width=width,
-            height=height,
-            k=matrix,
-            d=distortion,
-            roi=roi,
-            binning=max(binning, 1),
-            distortion_model=distortion_model,
-        )
+    def from_info(cls, **fields: Any) -> PinholeCamera:
+        """Return the camera of these fields."""
+        return cls(**fields)
 
     def __post_init__(self) -> None:
+        whole = (0, 0, self.width, self.height)
+        distortion = np.array(self.d, dtype=float).ravel()
+        given = {
+            "k": np.array(self.k, dtype=float).reshape(3, 3),
+            "d": distortion if distortion.size else np.zeros(5),
+            "roi": whole if 0 in self.roi[2:] else self.roi,
+            "binning": max(self.binning, 1),
+        }
+        for name, value in given.items():
+            object.__setattr__(self, name, value)
         if not np.isfinite(self.k).all() or self.k[0, 0] <= 0.0 or self.k[1, 1] <= 0.0:
             raise ValueError(f"camera is not calibrated: K[0] is {self.k[0, 0]}")
         if self.distortion_model != PLUMB_BOB:

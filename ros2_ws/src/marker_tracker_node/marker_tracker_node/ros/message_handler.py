@@ -49,19 +49,9 @@ class TrackerHandler:
     def __init__(self, wanted: TrackerParameters) -> None:
         self.config = TrackerConfig.of(wanted.resolved(), wanted, wanted, row_time=wanted.row_time)
         self._wanted = wanted
-        self._read = JointStateReader(wanted)
-        self._clock = ClockSettings(
-            correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
-        )
-        self._camera: CameraReading | None = None
-        self._calibration = b""
         self._replay = Path(wanted.replay) if wanted.replay else None
         self._motion_before: FloatArray | None = None
         self._begin()
-        self._uncalibrated = 0
-        self.pixels = PixelReader(wanted.encoding, wanted.significant_bits)
-        # A float of seconds since 1970 holds no nanoseconds: answers bear the frame's own stamp.
-        self._stamps: dict[float, bytes] = {}
 
     @property
     def tracker(self) -> Tracker | None:
@@ -89,20 +79,24 @@ class TrackerHandler:
             self._motion_before = _motion(RunInputs.read(self._replay))
             # The run after this one begins with its own start.
             self._replay = None
-        self._read = JointStateReader(self._wanted)
-        self._camera = None
-        self._calibration = b""
         self._begin()
-        self._uncalibrated = 0
-        self.pixels = PixelReader(self._wanted.encoding, self._wanted.significant_bits)
-        self._stamps.clear()
         yield from ()
 
     def _begin(self) -> None:
-        self._follower = LayFollower() if self._wanted.measure_lay else None
+        wanted = self._wanted
+        self._read = JointStateReader(wanted)
+        self._camera: CameraReading | None = None
+        self._calibration = b""
+        self._uncalibrated = 0
+        self.pixels = PixelReader(wanted.encoding, wanted.significant_bits)
+        # A float of seconds since 1970 holds no nanoseconds: answers bear the frame's own stamp.
+        self._stamps: dict[float, bytes] = {}
+        self._follower = LayFollower() if wanted.measure_lay else None
         self._lay_due = -math.inf
-        beside = self._follower.take if self._follower is not None else None
-        self._live = SynchronisedTracker(self._clock, beside=beside)
+        self._live = SynchronisedTracker(
+            ClockSettings(correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit),
+            beside=self._follower.take if self._follower is not None else None,
+        )
 
     def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
         """Take a calibration, an encoder sample or a frame; yield the frames that can be measured.
@@ -182,7 +176,7 @@ def _motion(inputs: RunInputs) -> FloatArray:
 def _camera(reading: CameraReading) -> PinholeCamera:
     window = reading.window
     try:
-        return PinholeCamera.from_info(
+        return PinholeCamera(
             width=reading.width,
             height=reading.height,
             k=reading.matrix,

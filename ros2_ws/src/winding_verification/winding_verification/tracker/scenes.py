@@ -26,7 +26,7 @@ def pinhole(camera: CameraConfig, focal: float = 1.0) -> PinholeCamera:
     info = camera.calibration()
     k = np.array(info.k, dtype=float).reshape(3, 3)
     k[[0, 1], [0, 1]] *= focal
-    return PinholeCamera.from_info(
+    return PinholeCamera(
         width=info.width,
         height=info.height,
         k=k,
