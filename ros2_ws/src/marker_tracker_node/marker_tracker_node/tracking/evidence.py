@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import Gates, empty_gates, gate_columns, table_index
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
+from marker_tracker_node.tracking.frame.laid_path import LaidCable, corrected_height
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import (
     PATH_SIZE,
@@ -63,17 +64,23 @@ class Looks:
     there: FlagArray  # Whether a band was there
 
 
-class UnnumberedBands:
-    """Looks for bands between known neighbours: with too large a spacing they get no number."""
+class RunEvidence:
+    """Watches frames and what was made of them.
+
+    Attributes:
+        log: What was seen of the markers, lap by lap.
+    """
 
     def __init__(self) -> None:
+        self.log = SightingLog()
         self._looks = np.zeros((_PLACES, _LOOKS), dtype=record_dtype(Looks))
         self._looks["lap"] = -1
         self._looks["number"] = -1
+        self._taken = -math.inf
 
     @property
-    def found(self) -> tuple[int, ...]:
-        """Numbers of the markers after which such a band lies."""
+    def unnumbered(self) -> tuple[int, ...]:
+        """Numbers of the markers behind which a band has no number, as the spacing is too large."""
         looks, markers = by_field(self._looks, Looks), []
         for n in np.unique(looks.number[looks.number >= 0]).tolist():
             mine = looks.number == n
@@ -85,41 +92,6 @@ class UnnumberedBands:
             if any(len(set(looks.lap[two][there[two]].tolist())) >= _LAPS for two in both):
                 markers.append(n)
         return tuple(markers)
-
-    def look(
-        self,
-        frames: ByteArray,
-        kept: IndexArray,
-        table: ByteArray,
-        fixed: FixedNumbers,
-        state: TrackerState,
-        turned: FloatArray,
-    ) -> None:
-        """Look at some frames of a burst.
-
-        Args:
-            frames: Shape (k, rows, columns, 3).
-            kept: Numbers of those that are looked at, shape (n,).
-            table: Colours of the markers, see `Picture`.
-            fixed: See `fixed_numbers`.
-            state: Of the tracker.
-            turned: Cylinder angles as the camera sees it [rad], shape (k,).
-        """
-        _look_between(frames, kept, table, fixed, state.mark_rows, state.path, turned, self._looks)
-
-
-class RunEvidence:
-    """Watches frames and what was made of them.
-
-    Attributes:
-        log: What was seen of the markers, lap by lap.
-        unnumbered: What lies between them.
-    """
-
-    def __init__(self) -> None:
-        self.log = SightingLog()
-        self.unnumbered = UnnumberedBands()
-        self._taken = -math.inf
 
     def take(
         self,
@@ -142,14 +114,16 @@ class RunEvidence:
         """
         taken = []
         for k, t in enumerate(readings[0].tolist()):
-            if t - self._taken < _PERIOD:
-                continue
-            self._taken = t
-            taken.append(k)
+            if t - self._taken >= _PERIOD:
+                self._taken = t
+                taken.append(k)
         if taken:
-            kept = np.array(taken)
+            kept, turned = np.array(taken), out.angle + state.shift
             self.log.take(frames, kept, readings, out)
-            self.unnumbered.look(frames, kept, table, fixed, state, out.angle + state.shift)
+            filled = int(state.run_rows["path_filled"][0])
+            _look_between(
+                frames, kept, table, fixed, state.mark_rows, state.path, filled, turned, self._looks
+            )
 
 
 @compiled
@@ -160,6 +134,7 @@ def _look_between(
     fixed: FixedNumbers,
     marks: Rows,
     path: FloatArray,
+    filled: int,
     turned: FloatArray,
     looks: Rows,
 ) -> None:  # pragma: no cover
@@ -172,10 +147,11 @@ def _look_between(
         fixed: See `fixed_numbers`.
         marks: Of MARK, shape (markers,).
         path: See `TrackerState` [m], shape (PATH_SIZE,).
+        filled: Places of it that are filled.
         turned: Cylinder angles as the camera sees it [rad], shape (k,).
         looks: Of `Looks`, shape (places, _LOOKS); written.
     """
-    setup, gates = setup_of(fixed), empty_gates(1)
+    setup, gates, cable = setup_of(fixed), empty_gates(1), LaidCable(marks, path, filled)
     least, most = _AREA
     # A gap is known once its second marker has landed, and looked at in the laps after that.
     widest = 0.0
@@ -198,57 +174,10 @@ def _look_between(
             if look == _LOOKS or looks[place, look].lap == lap:
                 continue
             looks[place, look].lap = lap
-            azimuth = turned[k] - theta
-            share = _band_share(frames[k], table, setup, marks, n, path, theta, azimuth, gates)
+            share = _band_share(frames[k], table, setup, cable, theta, turned[k] - theta, gates)
             if not math.isinf(share):
                 looks[place, look].number = n
                 looks[place, look].there = least <= share <= most
-
-
-@called
-def _band_share(
-    pixels: ByteArray,
-    table: ByteArray,
-    setup: Setup,
-    marks: Rows,
-    n: int,
-    path: FloatArray,
-    theta: float,
-    azimuth: float,
-    gates: Gates,
-) -> float:  # pragma: no cover
-    """Return how much of a band at a wound angle behind marker n has the markers' colour.
-
-    Args:
-        pixels: Shape (rows, columns, 3).
-        table: See `Picture`.
-        setup: Machine and camera.
-        marks: Of MARK, shape (markers,).
-        n: Number of the marker.
-        path: See `TrackerState` [m], shape (PATH_SIZE,).
-        theta: [rad]
-        azimuth: [rad]
-        gates: Room for one.
-
-    Returns:
-        The share of the area that a band there would have: nan outside of the picture, inf beside
-        a marker.
-    """
-    before, behind = marks[n], marks[n + 1]
-    share = (theta - before.theta) / (behind.theta - before.theta)
-    first = before.height - _path_at(path, before.theta)
-    second = behind.height - _path_at(path, behind.theta)
-    here = _path_at(path, theta)
-    slope = (_path_at(path, theta + PATH_STEP) - here) / PATH_STEP
-    z = here + first + share * (second - first)
-    reach = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin
-    for m in range(marks.size):
-        away = marks[m].theta - theta
-        away -= _TURN * round(away / _TURN)
-        if marks[m].known and abs(away) < _BESIDE and abs(marks[m].height - z) < reach:
-            return math.inf
-    band = Band(azimuth, z, slope, -math.pi, math.pi, math.inf, math.inf)
-    return _filled(pixels, table, setup, band, gates)
 
 
 @called
@@ -262,18 +191,38 @@ def _marker_before(marks: Rows, theta: float) -> int:  # pragma: no cover
 
 
 @called
-def _path_at(path: FloatArray, theta: float) -> float:  # pragma: no cover
-    """Return the expected z [m] of the laid cable at a wound angle [rad]."""
-    place = min(max(theta / PATH_STEP, 0.0), path.size - 2.0)
-    k = int(place)
-    return float(path[k] + (place - k) * (path[k + 1] - path[k]))
-
-
-@called
-def _filled(
-    pixels: ByteArray, table: ByteArray, setup: Setup, band: Band, gates: Gates
+def _band_share(
+    pixels: ByteArray,
+    table: ByteArray,
+    setup: Setup,
+    cable: LaidCable,
+    theta: float,
+    azimuth: float,
+    gates: Gates,
 ) -> float:  # pragma: no cover
-    """Return the share of a band's expected area that has the markers' colour; nan outside."""
+    """Return how much of a band at a wound angle between markers has the markers' colour.
+
+    Args:
+        pixels: Shape (rows, columns, 3).
+        table: See `Picture`.
+        setup: Machine and camera.
+        cable: As laid so far.
+        theta: [rad]
+        azimuth: [rad]
+        gates: Room for one.
+
+    Returns:
+        The share of the area that a band there would have: nan outside of the picture, inf beside
+        a marker.
+    """
+    z, slope = corrected_height(cable, theta)
+    reach, marks = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin, cable.marks
+    for m in range(marks.size):
+        away = marks[m].theta - theta
+        away -= _TURN * round(away / _TURN)
+        if marks[m].known and abs(away) < _BESIDE and abs(marks[m].height - z) < reach:
+            return math.inf
+    band = Band(azimuth, z, slope, -math.pi, math.pi, math.inf, math.inf)
     expected = predict_gate(setup, band, gates, 0)
     gates.ahead[0] *= _ROOM
     gates.behind[0] *= _ROOM

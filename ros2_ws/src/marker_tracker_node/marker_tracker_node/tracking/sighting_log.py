@@ -16,16 +16,12 @@ FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
 _TURN = 2.0 * math.pi
-# The log of sightings.
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
 # Rows kept; a full log drops what lies between the first and the newest quarter.
 _ROWS = 16384
 _QUARTER = _ROWS // 4
-_COLUMNS = ("marker", "lap", "t", "angle", "azimuth")
-# Of a sighting that are kept as they are in `Output`.
-_AS_SEEN = ("seen_height", "slope", "low", "high", "below", "above")
-# Columns of `_passings`: those and two more.
-_PASSING = len(_COLUMNS) + len(_AS_SEEN) + 2
+# Columns of `Seen.rows`; `_passings` has two more.
+_COLUMNS = 11
 # Every so many rows and columns of a picture show how bright it is.
 _LIGHT_STRIDE = 16
 
@@ -53,8 +49,8 @@ class SightingLog:
 
     def __init__(self) -> None:
         self.laps: dict[tuple[int, int], Lap] = {}
-        self._rows = _Table((*_COLUMNS, *_AS_SEEN))
-        self._motion = _Table(("t", "angle"))
+        self._rows = _Table(_COLUMNS)
+        self._motion = _Table(2)
 
     @property
     def sightings(self) -> FloatArray:
@@ -98,8 +94,8 @@ class SightingLog:
 class _Table:
     """Rows of numbers: the first of a run and the newest."""
 
-    def __init__(self, columns: tuple[str, ...]) -> None:
-        self._values = np.zeros((_ROWS, len(columns)))
+    def __init__(self, columns: int) -> None:
+        self._values = np.zeros((_ROWS, columns))
         self._count = 0
 
     @property
@@ -147,7 +143,7 @@ def _passings(
         marker was in sight and not found, and the mean grey level of the frame, shape (n, 13).
     """
     motion, count = np.empty((kept.size, 2)), 0
-    found, passings = np.empty((kept.size * rows.shape[1], _PASSING)), 0
+    found, passings = np.empty((kept.size * rows.shape[1], _COLUMNS + 2)), 0
     for k in kept:
         if math.isnan(readings[1, k]):
             continue

@@ -83,7 +83,7 @@ def _of_everything(
     marks = state.marks
     known = np.flatnonzero(marks.known)
     apart = np.diff(marks.theta[known]) / (np.diff(known) * setup.expected_gap)
-    spacing = _of_spacing(apart, tuple(known[known > 0].tolist()), run.unnumbered.found)
+    spacing = _of_spacing(apart, tuple(known[known > 0].tolist()), run.unnumbered)
     found = (*(wrong or (_of_colour(run.log),)), spacing)
     return tuple(item for item in found if item is not None)
 

@@ -11,13 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.frame.laid_path import (
-    beside_path,
-    laid_cable,
-    lay_share,
-    mean_gap,
-    path_height,
-)
+from marker_tracker_node.tracking.frame.laid_path import beside_path, mean_gap
 from marker_tracker_node.tracking.state import (
     BY_READINGS,
     CONTRADICTED,
@@ -135,8 +129,7 @@ def missing_markers(setup: Setup, state: TrackerState) -> tuple[int, ...]:
     if not known.size or known[0] != 0:
         return ()
     last = int(known[-1])
-    gap = float(marks.theta[last]) / last if last else setup.expected_gap
-    due = marks.theta[last] + LATE_GAPS * gap + 2.0 * math.pi
+    due = marks.theta[last] + LATE_GAPS * mean_gap(setup, marks, last) + 2.0 * math.pi
     late = [n for n in range(last) if not marks.known[n]]
     if last + 1 < marks.known.size and run.cylinder.angle > due:
         late.append(last + 1)
@@ -149,18 +142,14 @@ def height_ratio(setup: Setup, state: TrackerState) -> float:
     The path is that of the guide's readings as they are, without the offset that was fitted.
     """
     marks, run = state.marks, state.run
-    cable = laid_cable(state.tracks, run)
     places = [n for n in range(1, marks.known.size) if marks.known[n]]
     if not places or not marks.known[0]:
         return math.nan
-    offset = run.guide.offset if run.guide.belief == BY_READINGS else 0.0
-    path = np.array(
-        [
-            path_height(cable, marks.theta[n])[0] - offset * lay_share(setup, marks.theta[n])
-            for n in places
-        ]
-    )
+    row = 0 if run.guide.belief == BY_READINGS else 1
     seen = marks.height[places] - marks.height[0]
+    path = seen - [
+        beside_path(setup, run.guide, marks, state.paths, run.path_filled, row, n) for n in places
+    ]
     square = float(path @ path)
     if square == 0.0 or np.abs(seen - path).max() < USUALLY_BESIDE:
         return math.nan
