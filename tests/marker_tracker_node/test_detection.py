@@ -148,7 +148,6 @@ def test_paint_under_white_light_is_unknown_and_grey_cable_is_not(model):
 def test_a_band_without_glare_is_measured_as_a_whole(seen):
     found = seen(lambda along, across: np.zeros(along.shape, bool))
     assert found.outcome == MEASURED
-    assert found.completeness == 1.0
 
 
 @pytest.mark.slow
@@ -168,7 +167,6 @@ def test_a_band_without_glare_is_measured_as_a_whole(seen):
 def test_what_is_seen_of_a_band_gives_its_middle(seen, white):
     whole, found = seen(lambda along, across: np.zeros(along.shape, bool)), seen(white)
     assert found.outcome == PARTLY
-    assert found.completeness < 0.85
     # The plain mean of what is left would be up to 40 mrad and 0.5 mm off. Where an edge is left on
     # one side only it is known to half a pixel, 3.5 mrad and 0.12 mm.
     assert found.azimuth == pytest.approx(whole.azimuth, abs=4.0e-3)

@@ -28,15 +28,17 @@ from marker_tracker_node.detection.band import (
     visible_arc,
 )
 from marker_tracker_node.detection.gate import (
-    HIDDEN,
     MEASURED,
     NO_IDENTITY,
+    NOTHING,
     PARTLY,
     Detection,
     Gates,
     Picture,
     gate_columns,
     gate_moments,
+    gate_place,
+    gate_rows,
     table_index,
 )
 from winding_core.compiling import called, compiled
@@ -149,19 +151,10 @@ def fit_outline(
 
 
 @called
-def _rows(picture: Picture, gates: Gates, n: int) -> tuple[int, int]:  # pragma: no cover
-    """Return the first and the last row that gate n reaches."""
-    tu, tv = abs(gates.along_u[n]), abs(gates.along_v[n])
-    height = max(gates.ahead[n], gates.behind[n]) * tv + max(-gates.left[n], gates.right[n]) * tu
-    last = picture.pixels.shape[0] - 1
-    return max(math.ceil(gates.row[n] - height), 0), min(math.floor(gates.row[n] + height), last)
-
-
-@called
 def _count_unknown(picture: Picture, gates: Gates, n: int) -> int:  # pragma: no cover
     """Return how many pixels of gate n may be marker or not."""
     unknown = 0
-    top, bottom = _rows(picture, gates, n)
+    top, bottom = gate_rows(picture, gates, n)
     for v in range(top, bottom + 1):
         first, last = gate_columns(picture.pixels, gates, n, v - gates.row[n])
         line = picture.pixels[v]
@@ -196,9 +189,8 @@ def _draw(
             x, y, z = surface_point(rho, r, band.azimuth - ahead, place, band.slope, psi)
             a, b, _depth = plane_of_point(view, x, y, z)
             u, v = pixel_of_plane(view, a, b)
-            du, dv = u - gates.column[n], v - gates.row[n]
-            outline[edge, k] = du * gates.along_u[n] + dv * gates.along_v[n]
-            outline[ACROSS, k] += 0.5 * (gates.along_u[n] * dv - gates.along_v[n] * du)
+            outline[edge, k], across = gate_place(gates, n, u, v)
+            outline[ACROSS, k] += 0.5 * across
 
 
 @called
@@ -221,17 +213,14 @@ def _sum(
         sums: Written.
     """
     ahead, aside, grown = moved
-    tu, tv = gates.along_u[n], gates.along_v[n]
     left, right = outline[ACROSS, 0] - grown, outline[ACROSS, NODES - 1] + grown
     sums[:] = 0.0
-    top, bottom = _rows(picture, gates, n)
+    top, bottom = gate_rows(picture, gates, n)
     for v in range(top, bottom + 1):
-        dv = v - gates.row[n]
-        first, last = gate_columns(picture.pixels, gates, n, dv)
+        first, last = gate_columns(picture.pixels, gates, n, v - gates.row[n])
         line = picture.pixels[v]
         for u in range(first, last + 1):
-            du = u - gates.column[n]
-            along, across = du * tu + dv * tv, tu * dv - tv * du
+            along, across = gate_place(gates, n, u, v)
             away = across - aside
             k = 1
             while k < NODES - 1 and outline[ACROSS, k] < away:
@@ -292,13 +281,13 @@ def measure(
     least, most = limits
     count, column, row = gate_moments(picture, gates, n)
     share = count / max(pixels * area, 1.0)
-    outcome, completeness, azimuth_factor, z_factor = MEASURED, 1.0, 1.0, 1.0
+    outcome, azimuth_factor, z_factor = MEASURED, 1.0, 1.0
     if share < GLARE_BELOW and count >= 4:
         fit = fit_outline(picture, gates, n, view, body, band, area)
         if fit.unknown >= LEAST_UNKNOWN:
             outcome = PARTLY
             share = fit.marked / max(fit.expected, 1.0)
-            column, row, completeness = fit.column, fit.row, fit.visible
+            column, row = fit.column, fit.row
             # The less there is of it, the more the pixels on its edges count.
             room = 1.0 / math.sqrt(max(fit.visible, LEAST_VISIBLE))
             least, most = 1.0 - (1.0 - least) * room, 1.0 + (most - 1.0) * room
@@ -307,12 +296,10 @@ def measure(
             azimuth_factor = 1.0 / math.sqrt(max(fit.ends, LEAST_EDGES))
             z_factor = 1.0 / math.sqrt(max(fit.sides, LEAST_EDGES))
     if count < 4 or share < least or share > most:
-        return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0, NO_IDENTITY)
+        return NOTHING
     a, b = plane_of_pixel(view, column, row)
     seen = gates.seen_a[n], gates.seen_b[n]
     azimuth, z = solve_seen_band(view, body, (a, b), band, seen)
     if not (math.isfinite(azimuth) and math.isfinite(z)):
-        return Detection(HIDDEN, math.nan, math.nan, share, completeness, 1.0, 1.0, NO_IDENTITY)
-    return Detection(
-        outcome, azimuth, z, share, completeness, azimuth_factor, z_factor, NO_IDENTITY
-    )
+        return NOTHING
+    return Detection(outcome, azimuth, z, share, azimuth_factor, z_factor, NO_IDENTITY)

@@ -10,10 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from marker_tracker_node.camera.pinhole import CameraView
 from marker_tracker_node.detection import colour_band
-from marker_tracker_node.detection.band import Band, Body
-from marker_tracker_node.detection.gate import Detection, Gates, Picture
+from marker_tracker_node.detection.gate import Detection
 from winding_core.compiling import called
 from winding_core.markers import BAND, DOT
 
@@ -43,42 +41,15 @@ def _chosen(number: int) -> Any:
     if number == len(_MODULES) - 1:
 
         @called
-        def last(
-            detector: int,
-            picture: Picture,
-            view: CameraView,
-            body: Body,
-            gates: Gates,
-            n: int,
-            band: Band,
-            pixels: float,
-            area: float,
-            limits: tuple[float, float],
-        ) -> Detection:  # pragma: no cover
-            return measure(picture, view, body, gates, n, band, pixels, area, limits)
+        def last(detector: int, *mark: Any) -> Detection:  # pragma: no cover
+            return measure(*mark)
 
         return last
-    later = _chosen(number + 1)
+    later: Callable[..., Detection] = _chosen(number + 1)
 
     @called
-    def this_or_later(
-        detector: int,
-        picture: Picture,
-        view: CameraView,
-        body: Body,
-        gates: Gates,
-        n: int,
-        band: Band,
-        pixels: float,
-        area: float,
-        limits: tuple[float, float],
-    ) -> Detection:  # pragma: no cover
-        if detector == number:
-            return measure(picture, view, body, gates, n, band, pixels, area, limits)
-        found: Detection = later(
-            detector, picture, view, body, gates, n, band, pixels, area, limits
-        )
-        return found
+    def this_or_later(detector: int, *mark: Any) -> Detection:  # pragma: no cover
+        return measure(*mark) if detector == number else later(detector, *mark)
 
     return this_or_later
 

@@ -36,13 +36,12 @@ class Detection(NamedTuple):
     azimuth: float  # Of the cable's centre line under the middle of the mark [rad]
     z: float  # The same [m]
     share: float  # Measured over expected area of the part that light does not hide
-    completeness: float  # Share of the mark that light does not hide
     azimuth_factor: float  # By how much the azimuth's deviation exceeds that of a mark seen whole
     z_factor: float  # The same of z
     identity: int  # n of the marker Pn that the mark names; NO_IDENTITY where it names none
 
 
-NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, 1.0, NO_IDENTITY)
+NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, NO_IDENTITY)
 
 
 class Picture(NamedTuple):
@@ -137,19 +136,27 @@ def strip(
 
 
 @called
+def gate_rows(picture: Picture, gates: Gates, n: int) -> tuple[int, int]:  # pragma: no cover
+    """Return the first and the last row of the picture that gate n reaches."""
+    tu, tv = abs(gates.along_u[n]), abs(gates.along_v[n])
+    height = max(gates.ahead[n], gates.behind[n]) * tv + max(-gates.left[n], gates.right[n]) * tu
+    last = picture.pixels.shape[0] - 1
+    return max(math.ceil(gates.row[n] - height), 0), min(math.floor(gates.row[n] + height), last)
+
+
+@called
 def gate_moments(
     picture: Picture, gates: Gates, n: int
 ) -> tuple[int, float, float]:  # pragma: no cover
     """Return number and mean column and row of the marker pixels in gate n."""
-    rows, columns = picture.pixels.shape[:2]
+    columns = picture.pixels.shape[1]
     column, row, tu, tv = gates.column[n], gates.row[n], gates.along_u[n], gates.along_v[n]
     ahead, behind, low, high = gates.ahead[n], gates.behind[n], gates.left[n], gates.right[n]
     low_lean, high_lean = gates.left_lean[n], gates.right_lean[n]
     # The sides are never level: a cable runs up the picture.
     low_slope, low_way = tu - low_lean * tv, -1.0 / (tv + low_lean * tu)
     high_slope, high_way = tu - high_lean * tv, -1.0 / (tv + high_lean * tu)
-    height = max(ahead, behind) * abs(tv) + max(-low, high) * abs(tu)
-    top, bottom = max(math.ceil(row - height), 0), min(math.floor(row + height), rows - 1)
+    top, bottom = gate_rows(picture, gates, n)
     count, sum_column, sum_row = 0, 0, 0
     for v in range(top, bottom + 1):
         dv = v - row
@@ -192,11 +199,17 @@ def gate_columns(
 
 
 @called
+def gate_place(gates: Gates, n: int, u: float, v: float) -> tuple[float, float]:  # pragma: no cover
+    """Return how far a pixel lies along gate n from its centre, and across it [px]."""
+    du, dv = u - gates.column[n], v - gates.row[n]
+    tu, tv = gates.along_u[n], gates.along_v[n]
+    return du * tu + dv * tv, tu * dv - tv * du
+
+
+@called
 def in_gate(gates: Gates, n: int, u: float, v: float) -> bool:  # pragma: no cover
     """Return whether a pixel lies in gate n."""
-    du, dv = u - gates.column[n], v - gates.row[n]
-    across = gates.along_u[n] * dv - gates.along_v[n] * du
-    along = du * gates.along_u[n] + dv * gates.along_v[n]
+    along, across = gate_place(gates, n, u, v)
     left = gates.left[n] + gates.left_lean[n] * along
     right = gates.right[n] + gates.right_lean[n] * along
     return bool(-gates.behind[n] <= along <= gates.ahead[n] and left <= across <= right)

@@ -166,19 +166,16 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
             return
         azimuth, z, share, identity = found.azimuth, found.z, found.share, found.identity
         theta = turned + turned_since(setup, scan.shutter, azimuth, z) - azimuth
-    expected_z = corrected_height(scan.cable, theta)[0]
+    beside = abs(z - corrected_height(scan.cable, theta)[0])
     marks, colour_of = scan.cable.marks, scan.picture.colour_of
-    reach = search_reach(setup, marks, theta)
-    if abs(turned - theta) > 40.0 * math.pi or abs(z - expected_z) > reach:
-        return
-    if _is_first(scan, theta, z) or _lies_on_another_turn(scan, theta, z):
-        return
     if (
-        theta > turned + APPROACH
-        or marker_number(setup, marks, colour_of, theta, colour, identity) < 0
+        -40.0 * math.pi <= theta - turned <= APPROACH
+        and beside <= search_reach(setup, marks, theta)
+        and not _is_first(scan, theta, z)
+        and not _lies_on_another_turn(scan, theta, z)
+        and marker_number(setup, marks, colour_of, theta, colour, identity) >= 0
     ):
-        return
-    _remember(scan.candidates, theta, z, share, colour, identity, turned)
+        _remember(scan.candidates, theta, z, share, colour, identity, turned)
 
 
 @called
@@ -236,34 +233,29 @@ def _remember(
     turned: float,
 ) -> None:  # pragma: no cover
     """Add a sighting to the candidate of its place, or in place of the one seen longest ago."""
-    oldest = 0
+    place = 0
     for c in range(CANDIDATES):
-        if candidates.hits[c] == 0:
-            oldest = c
-            break
         other = candidates.identity[c]
-        same = candidates.colour[c] == colour
+        same = candidates.hits[c] > 0 and candidates.colour[c] == colour
         same = same and (identity in (NO_IDENTITY, other) or other == NO_IDENTITY)
-        if same and abs(candidates.first[c] - theta) < SAME_PLACE:
-            candidates.identity[c] = max(identity, other)
-            candidates.hits[c] += 1
-            part = 1.0 / candidates.hits[c]
-            candidates.theta[c] += part * (theta - candidates.theta[c])
-            candidates.height[c] += part * (z - candidates.height[c])
-            candidates.area[c] += part * (share - candidates.area[c])
-            candidates.last[c] = turned
-            return
-        if candidates.last[c] < candidates.last[oldest]:
-            oldest = c
-    candidates.hits[oldest] = 1
-    candidates.colour[oldest] = colour
-    candidates.identity[oldest] = identity
-    candidates.first[oldest] = theta
-    candidates.theta[oldest] = theta
-    candidates.height[oldest] = z
-    candidates.area[oldest] = share
-    candidates.start[oldest] = turned
-    candidates.last[oldest] = turned
+        if candidates.hits[c] == 0 or (same and abs(candidates.first[c] - theta) < SAME_PLACE):
+            place = c
+            break
+        if candidates.last[c] < candidates.last[place]:
+            place = c
+    else:
+        candidates.hits[place] = 0
+    if candidates.hits[place] == 0:
+        candidates.colour[place], candidates.identity[place] = colour, NO_IDENTITY
+        candidates.first[place], candidates.start[place] = theta, turned
+        candidates.theta[place] = candidates.height[place] = candidates.area[place] = 0.0
+    candidates.hits[place] += 1
+    part = 1.0 / candidates.hits[place]
+    candidates.identity[place] = max(identity, candidates.identity[place])
+    candidates.theta[place] += part * (theta - candidates.theta[place])
+    candidates.height[place] += part * (z - candidates.height[place])
+    candidates.area[place] += part * (share - candidates.area[place])
+    candidates.last[place] = turned
 
 
 @called
@@ -312,14 +304,12 @@ def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
     Returns:
         The shift, measured from P0 where that has become known [rad].
     """
-    turn = 2.0 * math.pi
     marks, usable = scan.cable.marks, scan.setup.usable_azimuth
     starts, ends = _wanted_ranges(scan)
     for i in range(starts.size):
         # The visible part of every turn between the two wound angles.
-        facing = scan.turned
-        lap = 0
-        while facing + usable >= starts[i]:
+        for lap in range(1 + math.floor((scan.turned + usable - starts[i]) / (2.0 * math.pi))):
+            facing = scan.turned - lap * 2.0 * math.pi
             low, high = max(starts[i], facing - usable), min(ends[i], facing + usable)
             if high > low:
                 # Strips as wide as a search, side by side.
@@ -327,8 +317,6 @@ def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
                 lanes = math.ceil(0.5 * (search_reach(scan.setup, marks, high) / width - 1.0))
                 for lane in range(-lanes, lanes + 1):
                     _scan_turn(scan, low, high, 2.0 * lane * width)
-            lap += 1
-            facing = scan.turned - lap * turn
     return confirm_candidates(scan.setup, marks, scan.candidates, scan.picture.colour_of, shift)
 
 

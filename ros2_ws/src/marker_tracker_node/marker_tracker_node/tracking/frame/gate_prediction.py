@@ -26,6 +26,7 @@ from marker_tracker_node.detection.gate import (
     Gates,
     Picture,
     gate_leaves_image,
+    gate_place,
 )
 from marker_tracker_node.tracking.state import Setup
 from winding_core.compiling import called, compiled
@@ -78,9 +79,9 @@ def predict_gate(setup: Setup, band: Band, gates: Gates, n: int) -> float:  # pr
     gates.along_u[n], gates.along_v[n], gates.half_band[n] = tu, tv, half
     gates.ahead[n] = half + (setup.along_margin + max(behind, 0.0)) * scale
     gates.behind[n] = half + (setup.along_margin + max(-behind, 0.0)) * scale
-    low, lean = _territory_edge(setup, ends, band.low, -band.below, (column, row, tu, tv))
+    low, lean = _territory_edge(setup, ends, band.low, -band.below, gates, n)
     gates.left[n], gates.left_lean[n] = (low, lean) if low > -span else (-span, 0.0)
-    high, lean = _territory_edge(setup, ends, band.high, band.above, (column, row, tu, tv))
+    high, lean = _territory_edge(setup, ends, band.high, band.above, gates, n)
     gates.right[n], gates.right_lean[n] = (high, lean) if high < span else (span, 0.0)
     return float(area * camera.fx * camera.fy / (camera.binning * camera.binning))
 
@@ -98,12 +99,11 @@ def _pixel_around(
 
 @called
 def _territory_edge(
-    setup: Setup, ends: Ends, psi: float, distance: float, axes: tuple[float, float, float, float]
+    setup: Setup, ends: Ends, psi: float, distance: float, gates: Gates, n: int
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return where across a gate the band's territory ends [px], and its change along the gate.
+    """Return where across gate n the band's territory ends [px], and its change along the gate.
 
-    That is where the band is cut off, or half way to a turn that does not reach it. Axes are the
-    column and row of the gate's centre and its direction along the cable.
+    That is where the band is cut off, or half way to a turn that does not reach it.
     """
     r = setup.body.cable_radius
     c, s, beside = 0.0, 0.0, 0.5 * distance
@@ -111,11 +111,10 @@ def _territory_edge(
         c, s, beside = r * math.cos(psi), r * math.sin(psi), 0.0
     elif abs(distance) > 2.0 * (r + setup.across_margin + FAR_TURN):
         return math.copysign(math.inf, distance), 0.0
-    column, row, tu, tv = axes
     u, v, _depth = _pixel_around(setup, ends, ends.back, c, s, beside)
-    along_0, across_0 = (u - column) * tu + (v - row) * tv, tu * (v - row) - tv * (u - column)
+    along_0, across_0 = gate_place(gates, n, u, v)
     u, v, _depth = _pixel_around(setup, ends, ends.front, c, s, beside)
-    along_1, across_1 = (u - column) * tu + (v - row) * tv, tu * (v - row) - tv * (u - column)
+    along_1, across_1 = gate_place(gates, n, u, v)
     lean = (across_1 - across_0) / (along_1 - along_0)
     return across_0 - lean * along_0, lean
 
@@ -184,31 +183,23 @@ def gate_visibility(
 
 
 @called
-def _apart(gates: Gates, first: int, second: int) -> tuple[float, float]:  # pragma: no cover
-    """Return how far the middles of two gates lie apart along the first and across it [px]."""
-    du = gates.column[second] - gates.column[first]
-    dv = gates.row[second] - gates.row[first]
-    along = abs(du * gates.along_u[first] + dv * gates.along_v[first])
-    return along, abs(gates.along_u[first] * dv - gates.along_v[first] * du)
-
-
-@called
 def gates_meet(gates: Gates, first: int, second: int, room: float) -> bool:  # pragma: no cover
     """Return whether two gates overlap, or lie less than `room` [px] apart."""
-    along, across = _apart(gates, first, second)
+    along, across = gate_place(gates, first, gates.column[second], gates.row[second])
     to_right = gates.column[second] > gates.column[first]
     left, right = (first, second) if to_right else (second, first)
     longest = max(gates.ahead[first], gates.behind[first]) + max(
         gates.ahead[second], gates.behind[second]
     )
-    return bool(across < gates.right[left] - gates.left[right] + room and along <= longest)
+    beside = gates.right[left] - gates.left[right] + room
+    return bool(abs(across) < beside and abs(along) <= longest)
 
 
 @called
 def bands_touch(gates: Gates, first: int, second: int) -> bool:  # pragma: no cover
     """Return whether two bands whose gates meet lie beside each other."""
-    along, _ = _apart(gates, first, second)
-    return bool(along < gates.half_band[first] + gates.half_band[second])
+    along, _ = gate_place(gates, first, gates.column[second], gates.row[second])
+    return bool(abs(along) < gates.half_band[first] + gates.half_band[second])
 
 
 @called
@@ -216,8 +207,8 @@ def separate_gates(gates: Gates, first: int, second: int) -> None:  # pragma: no
     """Keep two gates that overlap off each other's band along the cable."""
     if not gates_meet(gates, first, second, -OVERLAP) or bands_touch(gates, first, second):
         return
-    along, _ = _apart(gates, first, second)
+    along, _ = gate_place(gates, first, gates.column[second], gates.row[second])
     for mine, other in ((first, second), (second, first)):
-        limit = along - gates.half_band[other]
+        limit = abs(along) - gates.half_band[other]
         gates.ahead[mine] = min(gates.ahead[mine], limit)
         gates.behind[mine] = min(gates.behind[mine], limit)
