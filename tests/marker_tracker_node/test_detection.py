@@ -9,7 +9,7 @@ from marker_film import photograph
 
 from marker_tracker_node import CameraPose, ColourModel, ColourRefusedError
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
-from marker_tracker_node.detection.band import Band, band_centroid, centre_point, solve_band
+from marker_tracker_node.detection.band import Band, band_centroid, section_at, solve_band
 from marker_tracker_node.detection.colour import Palette, colour_index, hsv
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.colour_band import measure as measure_mark
@@ -63,8 +63,8 @@ def test_without_the_model_a_band_would_be_misplaced(smooth_film, case, least):
     film = smooth_film(case)
     view, body = view_and_body(film)
     _, b, _ = band_centroid(view, body, Band(1.0, 0.0, 0.0))
-    x, y, z = centre_point(body.rho, 1.0 + least, 0.0)
-    _, beyond, _ = plane_of_point(view, x, y, z)
+    section = section_at(body.rho, 1.0 + least, 0.0)
+    _, beyond, _ = plane_of_point(view, section.x, section.y, section.z)
     assert b > beyond
 
 

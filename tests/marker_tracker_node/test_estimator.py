@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from marker_tracker_node.tracking.estimator.contradictions import contradictions
+from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import LAP, MARKER, Problem, Seen
 from winding_core.machine.drive import DriveProfile
@@ -19,6 +19,10 @@ from winding_verification.tracker.wrong_numbers import WrongNumber
 # A run of five markers from rest, and one that was joined at full speed.
 RAMPED = quick(replace(World.drawn(1), rest=0.6))
 EVEN = quick(replace(World.drawn(1), rest=-3.0, drive=DriveProfile(ramp_time=0.0)))
+
+
+def contradicted(seen: Seen) -> tuple[Contradiction, ...]:
+    return explained(seen)[0]
 
 
 def test_derivatives_are_those_of_the_model() -> None:
@@ -53,7 +57,7 @@ def test_derivatives_are_those_of_the_model() -> None:
     ],
 )
 def test_the_wrong_number_is_named_with_its_size(number: str, size: float) -> None:
-    found = contradictions(sightings(RAMPED, (WrongNumber(number=number, size=size),), 7))
+    found = contradicted(sightings(RAMPED, (WrongNumber(number=number, size=size),), 7))
     assert found
     assert number in found[0].names, found[0].sentence
     if not math.isnan(found[0].share) and found[0].number == number:
@@ -74,7 +78,7 @@ def test_numbers_within_their_doubt_are_named_with_what_explains_as_well(
     wrong: dict[str, float],
 ) -> None:
     numbers = tuple(WrongNumber(number=name, size=size) for name, size in wrong.items())
-    found = contradictions(sightings(RAMPED, numbers, 7))
+    found = contradicted(sightings(RAMPED, numbers, 7))
     assert len(found) == len(wrong)
     for one in numbers:
         assert any(one.names & item.names for item in found), found
@@ -83,17 +87,17 @@ def test_numbers_within_their_doubt_are_named_with_what_explains_as_well(
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_right_configuration_contradicts_nothing(seed: int) -> None:
-    assert contradictions(sightings(quick(World.drawn(100 + seed)), (), seed)) == ()
+    assert contradicted(sightings(quick(World.drawn(100 + seed)), (), seed)) == ()
 
 
 def test_at_constant_speed_scale_and_times_are_named_together() -> None:
-    (found,) = contradictions(sightings(EVEN, (WrongNumber(number="encoder_scale", size=0.02),), 3))
+    (found,) = contradicted(sightings(EVEN, (WrongNumber(number="encoder_scale", size=0.02),), 3))
     assert {"encoder_scale", "frame_times"} <= found.names
 
 
 def test_at_constant_speed_the_clock_is_unobservable_and_not_named() -> None:
     wrong = WrongNumber(number="camera_clock", size=0.01)
-    assert contradictions(sightings(EVEN, (wrong,), 3)) == ()
+    assert contradicted(sightings(EVEN, (wrong,), 3)) == ()
 
 
 @pytest.mark.parametrize("size", [-0.45, 0.45])
@@ -101,7 +105,7 @@ def test_a_band_width_beyond_the_sizes_that_are_measured_is_named(size: float) -
     seen = sightings(RAMPED, (WrongNumber(number="band_width", size=size),), 7)
     # Bands beyond 0.87 to 1.2 of the expected area are no bands.
     kept = replace(seen, area=float(np.clip(seen.area, math.log(0.87), math.log(1.2))))
-    (found,) = contradictions(kept)
+    (found,) = contradicted(kept)
     assert "band_width" in found.names
 
 
@@ -111,7 +115,7 @@ def test_a_scale_is_found_where_each_marker_was_seen_once(number: str, size: flo
     seen = sightings(RAMPED, (WrongNumber(number=number, size=size),), 7)
     # The last marker was wound 30 rad late: with its wound angle as it was it would be 2 rad off.
     once = replace(seen, rows=seen.rows[seen.rows[:, LAP] == 0])
-    found = contradictions(once)
+    found = contradicted(once)
     assert found
     assert number in found[0].names, found[0].sentence
 
@@ -121,7 +125,7 @@ def test_outliers_neither_raise_nor_hide_a_contradiction() -> None:
         wrong = (WrongNumber(number="cylinder_diameter", size=size),)
         seen = sightings(RAMPED, wrong, 11)
         seen.rows[::12, 4] += 0.1
-        found = contradictions(seen)
+        found = contradicted(seen)
         assert ["cylinder_diameter" in item.names for item in found] == [True] * bool(size)
 
 

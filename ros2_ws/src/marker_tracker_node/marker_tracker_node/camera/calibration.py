@@ -21,6 +21,7 @@ ByteArray = NDArray[np.uint8]
 
 LEAST_VIEWS = 4
 LEAST_CORNERS = 6
+_ROI = ("x_offset", "y_offset", "width", "height")
 
 
 class CalibrationError(ValueError):
@@ -207,7 +208,7 @@ def write_camera(path: Path, camera: PinholeCamera, name: str = "camera") -> Non
         "distortion_coefficients": _matrix(camera.d[None]),
         "rectification_matrix": _matrix(np.eye(3)),
         "projection_matrix": _matrix(projection),
-        "roi": dict(zip(("x_offset", "y_offset", "width", "height"), camera.roi, strict=True)),
+        "roi": dict(zip(_ROI, camera.roi, strict=True)),
         "binning": camera.binning,
     }
     path.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
@@ -222,18 +223,14 @@ def read_camera(path: Path) -> PinholeCamera:
     try:
         content = load_yaml(path.read_text(encoding="utf-8"))
         roi = content.get("roi", {})
+        x, y, width, height = (int(roi.get(name, 0)) for name in _ROI)
         return PinholeCamera(
             width=int(content["image_width"]),
             height=int(content["image_height"]),
             k=content["camera_matrix"]["data"],
             d=content["distortion_coefficients"]["data"],
             distortion_model=content.get("distortion_model", PLUMB_BOB),
-            roi=(
-                int(roi.get("x_offset", 0)),
-                int(roi.get("y_offset", 0)),
-                int(roi.get("width", 0)),
-                int(roi.get("height", 0)),
-            ),
+            roi=(x, y, width, height),
             binning=int(content.get("binning", 1)),
         )
     except OSError as error:

@@ -246,12 +246,6 @@ class FrameTimes:
             )
         return t
 
-    @property
-    def rate(self) -> float:
-        """The usual number of pictures a second [1/s]; nan before there are two."""
-        steps = self._steps()
-        return 1.0 / float(np.median(steps)) if steps.size else math.nan
-
     def unevenness(self) -> str:
         """Return how unevenly the times are spaced; empty where they are not."""
         steps = self._steps()
@@ -270,8 +264,9 @@ class FrameTimes:
 
     def contradiction(self, fps: float) -> str:
         """Return how a rate [1/s] that was given contradicts the times; empty where it does not."""
-        rate = self.rate
-        if math.isnan(rate) or abs(fps / rate - 1.0) <= SAME_RATE:
+        steps = self._steps()
+        rate = 1.0 / float(np.median(steps)) if steps.size else fps
+        if abs(fps / rate - 1.0) <= SAME_RATE:
             return ""
         return f"{self._owner} has {rate:g} pictures a second, {fps:g} were given"
 

@@ -59,19 +59,6 @@ class Band(NamedTuple):
     above: float = math.inf  # Distance of the turn on the +z side [m]
 
 
-@compiled
-def centre_point(
-    rho: float, azimuth: float, z: float
-) -> tuple[float, float, float]:  # pragma: no cover
-    """Return the lab point [m] of the centre line at an unwrapped azimuth.
-
-    Azimuth counts from the landing; before it the cable is straight.
-    """
-    if azimuth < 0.0:
-        return rho, rho * azimuth, z
-    return rho * math.cos(azimuth), rho * math.sin(azimuth), z
-
-
 class Section(NamedTuple):
     """A section across the cable: its centre [m], and the unit vector from there outwards."""
 
@@ -84,7 +71,10 @@ class Section(NamedTuple):
 
 @called
 def section_at(rho: float, azimuth: float, z: float) -> Section:  # pragma: no cover
-    """Return the section at an unwrapped azimuth [rad] and z [m]; see `centre_point`."""
+    """Return the section at an unwrapped azimuth [rad] and z [m].
+
+    Azimuth counts from the landing; before it the cable is straight.
+    """
     if azimuth < 0.0:
         return Section(rho, rho * azimuth, z, 1.0, 0.0)
     ex, ey = math.cos(azimuth), math.sin(azimuth)
@@ -255,8 +245,8 @@ def solve_seen_band(
     for k in range(SOLVE_STEPS):
         if k > 0:
             seen_a, seen_b, _area = band_centroid(view, body, moved_band(start, azimuth, z))
-        x, y, height = centre_point(body.rho, azimuth, z)
-        line_a, line_b, _depth = plane_of_point(view, x, y, height)
+        section = section_at(body.rho, azimuth, z)
+        line_a, line_b, _depth = plane_of_point(view, section.x, section.y, z)
         found, height = _back_project(
             view, body.rho, a - seen_a + line_a, b - seen_b + line_b, azimuth
         )

@@ -33,7 +33,6 @@ SATURATION_SHARE = 0.62
 MIN_VALUE_LEVELS = 32.0
 HUE_BINS = 90
 SATURATION_BINS = 24
-BACKGROUND_ODDS = 1.0
 # Brighter than paint by so many levels, with a hue that is known; white is that bright in all
 # channels.
 GLARE_STEP = 8.0
@@ -99,7 +98,7 @@ class ColourModel:
         middle = (centre + 0.5 * (low + high)) % 360.0
         spread = 0.5 * (high - low) + margin
         floor = SATURATION_SHARE * float(np.percentile(saturation, 10.0))
-        accepted = _region(middle, spread, max(floor, 0.5 * MIN_SATURATION))
+        accepted = hue_region(middle, spread, max(floor, 0.5 * MIN_SATURATION))
         separation, scene = math.nan, None
         if background is not None and len(background):
             background = _pixels(background)
@@ -125,7 +124,7 @@ class ColourModel:
             hue: Middle of its hues [deg].
             spread: Half width of the accepted hues [deg].
         """
-        accepted = _region(hue, spread, self.min_saturation)
+        accepted = hue_region(hue, spread, self.min_saturation)
         if self.scene is not None:
             accepted &= _more_marker_than_background(
                 _density(_table_colours()[accepted]), self.scene
@@ -168,17 +167,6 @@ def colour_index(pixels: ByteArray) -> NDArray[np.int64]:
     """Return the table index of blue-green-red pixels (..., 3)."""
     reduced = (pixels >> 3).astype(np.int64)
     return (reduced[..., 0] << 10) | (reduced[..., 1] << 5) | reduced[..., 2]
-
-
-def hue_region(hue: float, tolerance: float, min_saturation: float) -> ByteArray:
-    """Return a table of the saturated colours around a hue [deg], to find a marker to sample."""
-    return _region(hue, tolerance, min_saturation).astype(np.uint8)
-
-
-def hue_distance(hues: FloatArray) -> FloatArray:
-    """Return how far every colour of a table lies from some hues [deg], shape (hues, 32768)."""
-    hue, _, _ = hsv(_table_colours())
-    return np.abs((hue - hues[:, None] + 180.0) % 360.0 - 180.0)
 
 
 def _pixels(samples: ByteArray) -> ByteArray:
@@ -230,7 +218,8 @@ def _table_colours() -> ByteArray:
     return np.stack([blue, green, red], axis=-1).reshape(-1, 3)
 
 
-def _region(hue: float, spread: float, min_saturation: float) -> NDArray[np.bool_]:
+def hue_region(hue: float, spread: float, min_saturation: float) -> NDArray[np.bool_]:
+    """Return which colours of a table are saturated and around a hue [deg], shape (32768,)."""
     colours = _table_colours()
     h, s, v = hsv(colours)
     return np.asarray(
@@ -248,7 +237,7 @@ def _more_marker_than_background(marker: FloatArray, scene: FloatArray) -> NDArr
     """
     hue, saturation, _ = hsv(_table_colours())
     cell = _cell(hue, saturation)
-    return np.asarray(marker.ravel()[cell] >= BACKGROUND_ODDS * scene.ravel()[cell], dtype=bool)
+    return np.asarray(marker.ravel()[cell] >= scene.ravel()[cell], dtype=bool)
 
 
 def _cell(hue: FloatArray, saturation: FloatArray) -> NDArray[np.int64]:
@@ -307,7 +296,8 @@ class Palette(NamedTuple):
         given = list(dict.fromkeys(hues))
         models = [first, *(first.of_hue(hue, tolerance) for hue in given[1:])]
         tables = np.array([model.table for model in models])
-        away = hue_distance(np.array([model.hue for model in models]))
+        table_hue, _, _ = hsv(_table_colours())
+        away = np.abs([_hue_difference(table_hue, model.hue) for model in models])
         tables &= away == away.min(axis=0)
         glare = np.any([model.glare() > 0 for model in models], axis=0)
         every = tables.any(axis=0)

@@ -23,6 +23,7 @@ from marker_tracker_node.camera.pinhole import (
 from marker_tracker_node.detection.band import (
     Band,
     Body,
+    section_at,
     solve_seen_band,
     surface_point,
     visible_arc,
@@ -171,9 +172,7 @@ def _draw(
     """Write the edges of the visible side of a band, in the coordinates of its gate [px]."""
     rho, r, half = body.rho, body.cable_radius, body.half_band
     norm = math.hypot(rho, band.slope)
-    x, y, z = surface_point(rho, 0.0, band.azimuth, band.z, band.slope, 0.0)
-    turn = max(band.azimuth, 0.0)
-    ex, ey = math.cos(turn), math.sin(turn)
+    x, y, z, ex, ey = section_at(rho, band.azimuth, band.z)
     vx, vy, vz = view.x - x, view.y - y, view.z - z
     along_e = vx * ex + vy * ey
     along_b = (vy * ex - vx * ey) * band.slope / norm + vz * rho / norm

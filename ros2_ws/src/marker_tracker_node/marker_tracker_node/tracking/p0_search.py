@@ -20,7 +20,7 @@ from marker_tracker_node.detection.colour import (
 from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
-from marker_tracker_node.tracking.state import Setup
+from marker_tracker_node.tracking.state import FlagArray, Setup
 from winding_core.helix import FleetAngleLaw
 
 FloatArray = NDArray[np.float64]
@@ -50,10 +50,10 @@ class _Place:
     pixels: float  # That its band should fill
 
     @classmethod
-    def predicted(cls, setup: Setup, angle: float) -> _Place:
-        """Return the place of P0 at azimuth `angle`, z = 0."""
+    def predicted(cls, setup: Setup, azimuth: float, z: float = 0.0) -> _Place:
+        """Return the place of P0 at an azimuth and z."""
         gates = empty_gates(1)
-        pixels = predict_gate(setup, Band(azimuth=angle, z=0.0, slope=0.0), gates, 0)
+        pixels = predict_gate(setup, Band(azimuth=azimuth, z=z, slope=0.0), gates, 0)
         (column,), (row,), (ahead,) = gates.column, gates.row, gates.ahead
         return cls(
             column=column,
@@ -93,7 +93,6 @@ def sample_colour(
     inner, expected = place.window(frame, place.reach), place.pixels
     patch = frame[inner]
     index = colour_index(patch)
-    blob = np.zeros(patch.shape[:2], dtype=np.uint8)
     for saturation in SATURATIONS:
         prior = hue_region(config.marker_hue, config.marker_hue_tolerance, saturation)
         blob = _largest_blob(prior[index])
@@ -138,7 +137,7 @@ def locate_marker(
     """
     place = _Place.predicted(setup, angle)
     inner, expected = place.window(frame, place.reach), place.pixels
-    blob = _largest_blob(colour.mask(frame[inner]).astype(np.uint8))
+    blob = _largest_blob(colour.mask(frame[inner]))
     if not area[0] * expected <= blob.sum() <= area[1] * expected:
         raise ColourRefusedError(
             f"P0 is not where it should be: {int(blob.sum())} pixels of its colour instead of "
@@ -148,12 +147,11 @@ def locate_marker(
     return float(columns.mean() + inner[1].start), float(rows.mean() + inner[0].start)
 
 
-def _largest_blob(mask: ByteArray) -> ByteArray:
-    if mask.size == 0:
-        return mask
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
-    if count < 2:
-        return np.zeros_like(mask)
+def _largest_blob(mask: FlagArray) -> ByteArray:
+    blank = np.zeros(mask.shape, np.uint8)
+    if not mask.any():
+        return blank
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(blank + mask, connectivity=4)
     largest = 1 + int(np.argmax(stats[1:, cv2.CC_STAT_AREA]))
     return np.asarray(labels == largest, dtype=np.uint8)
 
@@ -245,29 +243,29 @@ def bands_of_hue(
 
     Bands of later turns may touch that of P0 on the +z side: the first cable's width counts.
     """
-    gates = empty_gates(1)
-    area = predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), gates, 0)
-    scale = axis_scale(setup.camera)
+    place, scale = _Place.predicted(setup, 0.0), axis_scale(setup.camera)
     wide = 2.0 * config.cable_radius * scale
     reach = 0.5 * wide + SEARCH_REACH * scale
-    left = max(int(gates.column[0] - reach), 0)
-    right = int(gates.column[0] + reach) + 1
+    left = max(int(place.column - reach), 0)
+    right = int(place.column + reach) + 1
     strip = frame[:, left:right]
     if not strip.size:
         return []
     index = colour_index(strip)
     for saturation in SATURATIONS:
         mask = hue_region(config.marker_hue, config.marker_hue_tolerance, saturation)[index]
-        found = _bands(mask, strip, left, wide, area, setup)
+        found = _bands(mask, strip, left, wide, place.pixels, setup)
         if found:
             return found
     return []
 
 
 def _bands(
-    mask: ByteArray, strip: ByteArray, left: int, wide: float, area: float, setup: Setup
+    mask: FlagArray, strip: ByteArray, left: int, wide: float, area: float, setup: Setup
 ) -> list[tuple[float, float, ByteArray]]:
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(
+        mask.astype(np.uint8), connectivity=4
+    )
     found = []
     for label in range(1, count):
         first = int(stats[label, cv2.CC_STAT_LEFT])
@@ -287,7 +285,7 @@ def _bands(
         azimuth, z = solve_band(setup.camera, setup.body, a, b, start)
         if not (-0.2 <= azimuth <= setup.usable_azimuth) or abs(z) > SEARCH_REACH:
             continue
-        expected = predict_gate(setup, Band(azimuth=azimuth, z=z, slope=0.0), empty_gates(1), 0)
+        expected = _Place.predicted(setup, azimuth, z).pixels
         if WHOLE_ENOUGH * expected <= size <= MOST_AREA * expected:
             found.append((azimuth, z, strip[part]))
     return found

@@ -13,7 +13,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.configured import body_without, camera_without
 from marker_tracker_node.tracking.estimator.fit import fitted
-from marker_tracker_node.tracking.estimator.numbers import CABLE, COUNT, NUMBERS, TILT, ZERO
+from marker_tracker_node.tracking.estimator.numbers import CABLE, NUMBERS, TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.frame.run_means import BENT_OVER_RUN, bent_height
 from marker_tracker_node.tracking.sightings import Sightings
@@ -87,18 +87,17 @@ def refine(
     pose = CameraPose.of(sightings.pose.numbers + moved)
     held = Problem(replace(seen, nominal=pose))
     x = fitted(held, held.doubting(_DOUBTS), held.start).x
-    spread = np.zeros(x.size)
-    spread[np.delete(np.arange(x.size), _POSE)] = np.diag(
+    variance = np.zeros(x.size)
+    variance[np.delete(np.arange(x.size), _POSE)] = np.diag(
         np.linalg.inv(information) + follow @ covariance @ follow.T
     )
-    markers, count = held.markers, held.markers.size
-    theta, z = slice(COUNT, COUNT + count), slice(COUNT + count, COUNT + 2 * count)
+    places, spread = held.places(x), held.places(variance)
     if not moved.any():
-        for part, mean in ((theta, sightings.mean_theta), (z, sightings.mean_z)):
-            x[part] = np.where(np.isnan(mean[markers]), x[part], mean[markers])
-    spread[z] += (BENT_OVER_RUN * bent_height(config.body)) ** 2
+        means = np.array([sightings.mean_theta, sightings.mean_z])[:, held.markers]
+        places[:] = np.where(np.isnan(means), places, means)
+    spread[1] += (BENT_OVER_RUN * bent_height(config.body)) ** 2
     found = np.full((4, config.marker_count + 1), math.nan)
-    found[:, markers] = x[theta], x[z], np.sqrt(spread[theta]), np.sqrt(spread[z])
+    found[:, held.markers] = [*places, *np.sqrt(spread)]
     found[:, 0] = 0.0
     off, _ = held.linearised(x)
     return Refinement(

@@ -7,8 +7,8 @@ import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from marker_tracker_node.tracking.estimator.contradictions import contradictions
-from marker_tracker_node.tracking.estimator.numbers import NAMES
+from marker_tracker_node.tracking.estimator.contradictions import explained
+from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from winding_verification.tracker.scenes import World
 from winding_verification.tracker.sightings import quick, sightings
 from winding_verification.tracker.wrong_numbers import WrongNumber, every_number
@@ -44,13 +44,13 @@ class Drawn:
 def drawn(seeds: Iterable[int]) -> Iterator[Drawn]:
     """Yield the right configuration, every wrong number and some pairs of each seed."""
     for seed in seeds:
-        world = quick(World.drawn(seed))
-        single = [(one,) for one in every_number(seed) if one.number in NAMES]
+        world, names = quick(World.drawn(seed)), {number.name for number in NUMBERS}
+        single = [(one,) for one in every_number(seed) if one.number in names]
         pairs = list(itertools.combinations([one for (one,) in single], 2))
         for wrong in ((), *single, *pairs[seed % 7 :: max(len(pairs) // _PAIRS, 1)]):
             seen = sightings(world, wrong, seed)
             began = time.process_time()
-            found = contradictions(seen)
+            found = explained(seen)[0]
             yield Drawn(
                 seed=seed,
                 wrong=wrong,

@@ -11,7 +11,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.frame.laid_path import beside_path, mean_gap
+from marker_tracker_node.tracking.frame.laid_path import beside_path, known_around, mean_gap
 from marker_tracker_node.tracking.state import (
     BY_READINGS,
     CONTRADICTED,
@@ -69,9 +69,7 @@ def judge_guide(
     usual = usual and guide.travel <= max(least * expected, largest * expected)
     if turned < 2.0 * math.pi or usual or not marks.known[0]:
         return
-    last = marks.known.size - 1
-    while not marks.known[last]:
-        last -= 1
+    last = known_around(marks, math.inf)[0]
     if last > 0:
         by_readings = abs(beside_path(setup, guide, marks, paths, filled, 0, last))
         by_feed = abs(beside_path(setup, guide, marks, paths, filled, 1, last))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.estimator.fit import Fit
+from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, Fit
 
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
@@ -23,7 +23,7 @@ def data_information(fit: Fit, chosen: IndexArray) -> tuple[FloatArray, FloatArr
         other unknown, (others, n); and information on the others, (others, others).
     """
     rest = np.delete(np.arange(fit.x.size), chosen)
-    others = fit.normal[np.ix_(rest, rest)] + np.diag(fit.prior[rest] + 1.0e-9)
+    others = fit.normal[np.ix_(rest, rest)] + np.diag(fit.prior[rest] + LEAST_INFORMATION)
     across = fit.normal[np.ix_(rest, chosen)]
     follow = np.asarray(np.linalg.solve(others, across), dtype=float)
     return fit.normal[np.ix_(chosen, chosen)] - across.T @ follow, follow, others

@@ -47,11 +47,6 @@ def explained(seen: Seen) -> tuple[tuple[Contradiction, ...], Correction | None]
     return found, correction(problem, verdict, made=bool(seen.without.any()))
 
 
-def contradictions(seen: Seen) -> tuple[Contradiction, ...]:
-    """Return which configured numbers the sightings contradict; empty for a consistent run."""
-    return explained(seen)[0]
-
-
 def _contradiction(group: tuple[Explanation, ...], explained: bool) -> Contradiction:
     best = group[0]
     names = [NUMBERS[one.number].name for one in group]

@@ -78,12 +78,12 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     if not clear[0]:
         # From P0 all others are counted.
         return None
-    places, count = _places(problem, x), problem.markers.size
+    places, count = problem.places(x), problem.markers.size
     doubt = np.diag(follow @ covariance @ follow.T)[: 2 * count].reshape(2, count).copy()
     # What explains the sightings as well may be what is wrong.
     likely = [math.exp(0.5 * (fit.cost - one.fit.cost) / _DEPENDENT) for one in others]
     for one, share in zip(others, likely, strict=True):
-        doubt += share / sum(likely) * (_places(problem, one.fit.x) - places) ** 2
+        doubt += share / sum(likely) * (problem.places(one.fit.x) - places) ** 2
     return Correction(
         carried=bool(moved.any()),
         posed=not others or any(TILT <= one.number < FOCAL for one in others),
@@ -95,9 +95,3 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         doubt=moved.any() * doubt[:, clear],
         area=problem.area_of(errors),
     )
-
-
-def _places(problem: Problem, x: FloatArray) -> FloatArray:
-    """Return wound angles [rad] and z [m] of the markers, shape (2, k)."""
-    count = problem.markers.size
-    return x[COUNT : COUNT + 2 * count].reshape(2, count)

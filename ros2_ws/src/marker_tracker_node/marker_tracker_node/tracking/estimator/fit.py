@@ -16,6 +16,8 @@ _CAUCHY = 3.0
 # The cost of a good step falls by more than this, else the fit has settled.
 _SETTLED = 0.2
 _STEPS = 16
+# So much is known of everything, for numbers that nothing else tells.
+LEAST_INFORMATION = 1.0e-9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +30,11 @@ class Fit:
     normal: FloatArray  # Information on them without the prior, shape (unknowns, unknowns)
     gradient: FloatArray  # Of the sightings at x, shape (unknowns,)
     rest: float  # Square of what is left of four sightings in five at most, in its variance
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Of the unknowns under the prior, shape (unknowns, unknowns)."""
+        return np.asarray(np.linalg.inv(self.normal + np.diag(self.prior + LEAST_INFORMATION)))
 
 
 def fitted(
@@ -45,7 +52,7 @@ def fitted(
     best = _at(problem, prior, centre, start)
     for _ in range(_STEPS):
         pull = best.gradient - prior * (best.x - centre)
-        step = np.linalg.solve(best.normal + np.diag(prior + 1.0e-9), pull)
+        step = np.linalg.solve(best.normal + np.diag(prior + LEAST_INFORMATION), pull)
         for share in (1.0, 0.3):
             found = _at(problem, prior, centre, best.x + share * step)
             if found.cost < best.cost:

@@ -41,7 +41,6 @@ NUMBERS = (
     Number("cable_diameter", 0.01, 0.5, "the cable diameter is set"),
     Number("band_width", 0.04, 0.6, "the band width is set"),
 )
-NAMES = tuple(number.name for number in NUMBERS)
 COUNT = len(NUMBERS)
 SCALE, TIMES, CLOCK, ZERO, TILT = range(5)
 PLACE = TILT + 3

@@ -13,9 +13,9 @@ from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
 
-# Columns of `band_pictures` after the picture itself: two of each.
-TILT, PLACE, AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH = 2, 8, 14, 16, 18, 20, 22
-_WIDTH = 24
+# Rows of `band_pictures` after the picture itself; tilt and place have three.
+TILT, PLACE = 1, 4
+AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH, _ROWS = range(7, 13)
 # Differences of the band model are taken over so much of the radius, and of a radian.
 _STEP = 1.0e-4
 # The visible half of a ring acts like a point this far out, in radii of the cable beyond its
@@ -39,11 +39,11 @@ def band_pictures(
         bands: Fields of `Band`, shape (k, 7).
 
     Returns:
-        Shape (k, 24): both coordinates; then, for both each, by tilt about three axes [1/rad], by
-        position along three axes [1/m], by azimuth [1/rad], z [1/m], and the logarithms of the
-        radii of cylinder and cable and of the band's width.
+        Shape (k, 12, 2): both coordinates; then their derivatives by tilt about three axes
+        [1/rad], by position along three axes [1/m], by azimuth [1/rad], z [1/m], and the
+        logarithms of the radii of cylinder and cable and of the band's width.
     """
-    out = np.empty((bands.shape[0], _WIDTH))
+    out = np.empty((bands.shape[0], _ROWS, 2))
     r, radius = body.cable_radius, body.rho - body.cable_radius
     wider = Body(body.rho + _STEP * radius, r, body.half_band, body.half_around)
     thicker = Body(body.rho + _STEP * r, r * (1.0 + _STEP), body.half_band, body.half_around)
@@ -52,7 +52,7 @@ def band_pictures(
         row = bands[k]
         band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
         a, b, _area = band_centroid(view, body, band)
-        out[k, 0], out[k, 1] = a, b
+        out[k, 0, 0], out[k, 0, 1] = a, b
         _by_camera(view, body, band, a, b, out[k])
         further = moved_band(band, band.azimuth + _STEP, band.z)
         _by_difference(band_centroid(view, body, further), out[k], AZIMUTH)
@@ -92,16 +92,16 @@ def seen_again(
 
 @called
 def _by_difference(
-    moved: tuple[float, float, float], row: FloatArray, first: int
+    moved: tuple[float, float, float], out: FloatArray, row: int
 ) -> None:  # pragma: no cover
     """Write the derivatives that follow from a band that has moved by a step."""
-    row[first] = (moved[0] - row[0]) / _STEP
-    row[first + 1] = (moved[1] - row[1]) / _STEP
+    out[row, 0] = (moved[0] - out[0, 0]) / _STEP
+    out[row, 1] = (moved[1] - out[0, 1]) / _STEP
 
 
 @called
 def _by_camera(
-    view: CameraView, body: Body, band: Band, a: float, b: float, row: FloatArray
+    view: CameraView, body: Body, band: Band, a: float, b: float, out: FloatArray
 ) -> None:  # pragma: no cover
     """Write the derivatives by tilt, position and z: those of a point of the picture at (a, b)."""
     outside = body.rho + _OUTSIDE * body.cable_radius
@@ -109,13 +109,13 @@ def _by_camera(
     if band.azimuth < 0.0:
         x, y = outside, body.rho * band.azimuth
     _a, _b, depth = plane_of_point(view, x, y, band.z)
-    row[TILT], row[TILT + 1] = a * b, 1.0 + b * b
-    row[TILT + 2], row[TILT + 3] = -1.0 - a * a, -a * b
-    row[TILT + 4], row[TILT + 5] = b, -a
-    row[PLACE] = (a * view.forward_x - view.right_x) / depth
-    row[PLACE + 1] = (b * view.forward_x - view.down_x) / depth
-    row[PLACE + 2] = (a * view.forward_y - view.right_y) / depth
-    row[PLACE + 3] = (b * view.forward_y - view.down_y) / depth
-    row[PLACE + 4] = (a * view.forward_z - view.right_z) / depth
-    row[PLACE + 5] = (b * view.forward_z - view.down_z) / depth
-    row[HEIGHT], row[HEIGHT + 1] = -row[PLACE + 4], -row[PLACE + 5]
+    out[TILT, 0], out[TILT, 1] = a * b, 1.0 + b * b
+    out[TILT + 1, 0], out[TILT + 1, 1] = -1.0 - a * a, -a * b
+    out[TILT + 2, 0], out[TILT + 2, 1] = b, -a
+    out[PLACE, 0] = (a * view.forward_x - view.right_x) / depth
+    out[PLACE, 1] = (b * view.forward_x - view.down_x) / depth
+    out[PLACE + 1, 0] = (a * view.forward_y - view.right_y) / depth
+    out[PLACE + 1, 1] = (b * view.forward_y - view.down_y) / depth
+    out[PLACE + 2, 0] = (a * view.forward_z - view.right_z) / depth
+    out[PLACE + 2, 1] = (b * view.forward_z - view.down_z) / depth
+    out[HEIGHT] = -out[PLACE + 2]

@@ -131,7 +131,7 @@ class Problem:
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
         view = camera_without(seen.camera, seen.without).view(seen.used)
         body = body_without(seen.body, seen.without)
-        self._goal = pictures.band_pictures(view, body, self._bands)[:, :2]
+        self._goal = pictures.band_pictures(view, body, self._bands)[:, 0]
         self._goal *= self._focal / (1.0 + seen.without[FOCAL])
         cuts = cut_off(self._bands, seen.body.cable_radius)
         self._bias, sigmas = bias_shapes(azimuth, self._index, cuts, common)
@@ -180,31 +180,27 @@ class Problem:
         bands[:, 0] = turned + x[ZERO] - x[COUNT + self._index]
         bands[:, 1] = x[self._first_z + self._index]
         found = pictures.band_pictures(view, body_without(self._seen.body, x), bands)
-        scale = self._focal / (1.0 + x[FOCAL])
+        # First the picture, then its derivatives.
+        by = np.moveaxis(found * (self._focal / (1.0 + x[FOCAL])), 1, 0)
         slopes = np.zeros((len(rows), 2, x.size))
-        pairs = found.reshape(len(rows), 12, 2) * scale
-
-        def by(column: int) -> FloatArray:
-            return np.asarray(pairs[:, column // 2])
-
-        azimuth = by(pictures.AZIMUTH)
+        azimuth = by[pictures.AZIMUTH]
         slopes[:, :, SCALE] = -azimuth * (turned * late)[:, None]
         slopes[:, :, CLOCK] = -azimuth * (speed * longer * late)[:, None]
         slopes[:, :, TIMES] = -azimuth * (speed * longer * late * (at - self._since))[:, None]
         slopes[:, :, ZERO] = azimuth
         for axis in range(3):
             # A pose that is set too large was further back in truth.
-            slopes[:, :, TILT + axis] = -by(pictures.TILT + 2 * axis)
-            slopes[:, :, PLACE + axis] = -by(pictures.PLACE + 2 * axis)
-        slopes[:, :, FOCAL] = -by(0) / (1.0 + x[FOCAL])
-        slopes[:, :, CYLINDER] = -by(pictures.CYLINDER) / (1.0 + x[CYLINDER])
-        slopes[:, :, CABLE] = -by(pictures.CABLE) / (1.0 + x[CABLE])
-        slopes[:, :, BAND] = -by(pictures.BAND_WIDTH) / (1.0 + x[BAND])
+            slopes[:, :, TILT + axis] = -by[pictures.TILT + axis]
+            slopes[:, :, PLACE + axis] = -by[pictures.PLACE + axis]
+        slopes[:, :, FOCAL] = -by[0] / (1.0 + x[FOCAL])
+        slopes[:, :, CYLINDER] = -by[pictures.CYLINDER] / (1.0 + x[CYLINDER])
+        slopes[:, :, CABLE] = -by[pictures.CABLE] / (1.0 + x[CABLE])
+        slopes[:, :, BAND] = -by[pictures.BAND_WIDTH] / (1.0 + x[BAND])
         here = np.arange(len(rows))
         slopes[here, :, COUNT + self._index] = -azimuth
-        slopes[here, :, self._first_z + self._index] = by(pictures.HEIGHT)
+        slopes[here, :, self._first_z + self._index] = by[pictures.HEIGHT]
         slopes[:, :, self._first_bias :] = self._bias
-        explained = by(0) + self._bias @ x[self._first_bias :]
+        explained = by[0] + self._bias @ x[self._first_bias :]
         off = self._goal - explained
         # What lies behind the cylinder, or would with the next step, is not seen and explains nothing.
         hidden = np.isnan(pairs).any(axis=(1, 2))
@@ -219,15 +215,12 @@ class Problem:
             errors[TILT : TILT + 6] = seen.nominal.numbers - seen.begun.numbers
         return errors
 
+    def places(self, x: FloatArray) -> FloatArray:
+        """Return wound angles [rad] and z [m] of the markers, as a view, shape (2, markers)."""
+        return x[COUNT : self._first_bias].reshape(2, -1)
+
     def unexplained(self, x: FloatArray) -> FloatArray:
-        """Return the median square of what is left of each marker's sightings, in its variance.
-
-        Args:
-            x: Unknowns, shape (unknowns,).
-
-        Returns:
-            Shape (markers,).
-        """
+        """Return the median square of what is left of each marker's sightings, in its variance."""
         square = ((self.linearised(x)[0] / self.sigma[:, None]) ** 2).sum(axis=1)
         return np.array([np.median(square[self._index == i]) for i in range(self.markers.size)])
 

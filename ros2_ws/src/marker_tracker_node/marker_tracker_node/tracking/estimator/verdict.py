@@ -88,12 +88,10 @@ class Verdict:
 def judged(problem: Problem) -> Verdict:
     """Return which numbers are contradicted, with their alternatives."""
     usual = fitted(problem, problem.prior, problem.start)
-    first = _explanations(problem, problem.prior, usual)
+    first = _explanations(problem, usual)
     wrong: tuple[tuple[Explanation, ...], ...] = (first,) if first else ()
     if first:
-        prior = problem.prior.copy()
-        prior[first[0].number] = NUMBERS[first[0].number].most ** -2
-        second = _explanations(problem, prior, first[0].fit)
+        second = _explanations(problem, first[0].fit)
         wrong = (first, second) if second else wrong
     if len(wrong) < _MOST_WRONG and problem.markers.size > 1:
         fit = first[0].fit if first else usual
@@ -177,13 +175,12 @@ def _furthest(usual: Fit) -> tuple[Explanation, ...]:
     )
 
 
-def _explanations(problem: Problem, prior: FloatArray, usual: Fit) -> tuple[Explanation, ...]:
-    """Return what explains the sightings significantly better than under a prior, best first."""
-    covariance = np.linalg.inv(usual.normal + np.diag(prior + 1.0e-9))
+def _explanations(problem: Problem, usual: Fit) -> tuple[Explanation, ...]:
+    """Return what explains the sightings significantly better than a fit does, best first."""
+    covariance = usual.covariance
     promised = []
     for number in range(COUNT):
-        wide = NUMBERS[number].most ** -2
-        released = prior[number] - wide
+        released = usual.prior[number] - NUMBERS[number].most ** -2
         if released <= 0.0:
             continue
         left = max(1.0 - released * float(covariance[number, number]), 1.0e-9)
@@ -194,15 +191,13 @@ def _explanations(problem: Problem, prior: FloatArray, usual: Fit) -> tuple[Expl
     for gain, number, error in promised[:_MOST_TRIED]:
         if gain < max(_PROMISED * _LEAST_GAIN, _PROMISING * promised[0][0]):
             break
-        wide_prior = prior.copy()
-        wide_prior[number] = NUMBERS[number].most ** -2
-        aim = min(max(error, -NUMBERS[number].most), NUMBERS[number].most)
+        prior, most = usual.prior.copy(), NUMBERS[number].most
+        prior[number] = most**-2
+        aim = min(max(error, -most), most)
         along = covariance[:, number] / covariance[number, number]
         start = problem.centred(usual.x + along * (aim - usual.x[number]))
-        fit = fitted(problem, wide_prior, start)
-        sigma = math.sqrt(
-            float(np.linalg.inv(fit.normal + np.diag(wide_prior + 1.0e-9))[number, number])
-        )
+        fit = fitted(problem, prior, start)
+        sigma = math.sqrt(float(fit.covariance[number, number]))
         found.append(Explanation(number=number, error=float(fit.x[number]), sigma=sigma, fit=fit))
     found.sort(key=lambda one: one.fit.cost)
     if not found or usual.cost - found[0].fit.cost < _LEAST_GAIN:

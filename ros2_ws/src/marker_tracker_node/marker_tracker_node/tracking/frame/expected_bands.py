@@ -142,6 +142,15 @@ def expect_bands(
 
 
 @called
+def expected_band(marks: Marks, expected: Expected, n: int) -> Band:  # pragma: no cover
+    """Return the band of marker n as it is expected."""
+    return Band(
+        expected.azimuth[n], marks.height[n], expected.slope[n],
+        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
+    )  # fmt: skip
+
+
+@called
 def _beside(setup: Setup, marks: Marks, n: int) -> bool:  # pragma: no cover
     """Return whether another known marker lies so near along the cylinder that bands may meet."""
     reach = 2.0 * (setup.body.cable_radius + setup.across_margin)
@@ -162,11 +171,7 @@ def _guard(
     expected: Expected,
 ) -> None:  # pragma: no cover
     """Cut the band n and its gate off before the turn below or above; see `guarded`."""
-    band = Band(
-        expected.azimuth[n], marks.height[n], expected.slope[n],
-        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
-    )  # fmt: skip
-    band = guarded(setup, band, below, above)
+    band = guarded(setup, expected_band(marks, expected, n), below, above)
     if band.low == expected.low[n] and band.high == expected.high[n]:
         return
     ahead, behind = gates.ahead[n], gates.behind[n]

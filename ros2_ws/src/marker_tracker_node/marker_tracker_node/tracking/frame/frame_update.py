@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.detection.band import Band, moved_band
+from marker_tracker_node.detection.band import moved_band
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
@@ -29,6 +29,7 @@ from marker_tracker_node.tracking.frame.expected_bands import (
     Expected,
     empty_expected,
     expect_bands,
+    expected_band,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
     Shutter,
@@ -150,15 +151,9 @@ def _update_frame(
     found = marks.known.sum()
     if found < count:
         lost = not marks.known[0]
+        seen = cylinder.angle + run.shift
         scan = Scan(
-            picture,
-            setup,
-            cable,
-            tracks.candidates,
-            gates,
-            expected.outcome,
-            cylinder.angle + run.shift,
-            shutter,
+            picture, setup, cable, tracks.candidates, gates, expected.outcome, seen, shutter
         )
         run.shift = acquire_markers(scan, run.shift)
         if lost and marks.known[0]:
@@ -182,10 +177,7 @@ def _measure(
     k: int,
 ) -> int:  # pragma: no cover
     """Measure the known marker n in frame k and return what came of it."""
-    band = Band(
-        expected.azimuth[n], marks.height[n], expected.slope[n],
-        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
-    )  # fmt: skip
+    band = expected_band(marks, expected, n)
     pixels, place = expected.pixels[n], band
     area = marks.area[n]
     if several_colours(picture):

@@ -15,7 +15,6 @@ from marker_tracker_node.detection.band import (
     Band,
     Section,
     band_centroid,
-    centre_point,
     point_around,
     section_at,
 )
@@ -139,8 +138,8 @@ def turned_since(
     """Return by how much the cylinder turned from the stamp to the row of a band [rad]."""
     if shutter.skew == 0.0:
         return 0.0
-    x, y, height = centre_point(setup.body.rho, azimuth, z)
-    a, b, _depth = plane_of_point(setup.camera, x, y, height)
+    section = section_at(setup.body.rho, azimuth, z)
+    a, b, _depth = plane_of_point(setup.camera, section.x, section.y, z)
     _column, row = pixel_of_plane(setup.camera, a, b)
     return shutter.skew * (row - shutter.first)
 

@@ -194,9 +194,7 @@ def covered_by_span(
 def unknown_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pragma: no cover
     """Return whether a marker that is not known yet may lie a turn behind a wound angle [rad]."""
     marks = cable.marks
-    last = marks.known.size - 1
-    while last >= 0 and not marks.known[last]:
-        last -= 1
+    last = known_around(marks, math.inf)[0]
     if last < 0 or last == marks.known.size - 1:
         return False
     least = marks.theta[last] + LEAST_GAP * mean_gap(setup, marks, last)
