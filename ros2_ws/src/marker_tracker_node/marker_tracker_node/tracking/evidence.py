@@ -11,10 +11,12 @@ from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import Gates, empty_gates, gate_columns, table_index
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.frame.laid_path import LaidCable, corrected_height
+from marker_tracker_node.tracking.p0_search import WHOLE_ENOUGH
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import (
     PATH_SIZE,
     PATH_STEP,
+    TURN,
     Burst,
     FixedNumbers,
     FlagArray,
@@ -31,7 +33,6 @@ from winding_core.compiling import called, compiled
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-_TURN = 2.0 * math.pi
 # Frames closer than this add nothing [s].
 _PERIOD = 0.02
 
@@ -45,8 +46,6 @@ _BESIDE = 0.9
 _ROOM, _WIDER = 2.5, 1.7
 # Every so many rows and columns are enough to recognise a band by its area.
 _BAND_STRIDE = 2
-# Share of the expected area that a band fills.
-_AREA = (0.5, 1.5)
 # A band is believed when it was there in so many laps, and most of the gap is without one:
 # something yellow in front of the cylinder is there wherever one looks.
 _LAPS, _MOST_OF_GAP = 2, 0.3
@@ -152,16 +151,15 @@ def _look_between(
         looks: Of `Looks`, shape (places, _LOOKS); written.
     """
     setup, gates, cable = setup_of(fixed), empty_gates(1), LaidCable(marks, path, filled)
-    least, most = _AREA
     # A gap is known once its second marker has landed, and looked at in the laps after that.
     widest = 0.0
     for n in range(marks.size - 1):
         if marks[n].known and marks[n + 1].known:
             widest = max(widest, marks[n + 1].theta - marks[n].theta)
     for k in kept:
-        laps = math.floor(min(turned[k], widest + _TURN * (_LOOKS + 3)) / _TURN)
+        laps = math.floor(min(turned[k], widest + TURN * (_LOOKS + 3)) / TURN)
         for lap in range(1 + max(laps, -1)):
-            place = math.floor((turned[k] - _TURN * lap - _AHEAD) / _GRID)
+            place = math.floor((turned[k] - TURN * lap - _AHEAD) / _GRID)
             if not 0 <= place < looks.shape[0]:
                 continue
             theta = place * _GRID
@@ -177,7 +175,7 @@ def _look_between(
             share = _band_share(frames[k], table, setup, cable, theta, turned[k] - theta, gates)
             if not math.isinf(share):
                 looks[place, look].number = n
-                looks[place, look].there = least <= share <= most
+                looks[place, look].there = abs(share - 1.0) <= WHOLE_ENOUGH
 
 
 @called
@@ -217,10 +215,10 @@ def _band_share(
     """
     z, slope = corrected_height(cable, theta)
     reach, marks = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin, cable.marks
-    for m in range(marks.size):
-        away = marks[m].theta - theta
-        away -= _TURN * round(away / _TURN)
-        if marks[m].known and abs(away) < _BESIDE and abs(marks[m].height - z) < reach:
+    for m in range(marks.known.size):
+        away = marks.theta[m] - theta
+        away -= TURN * round(away / TURN)
+        if marks.known[m] and abs(away) < _BESIDE and abs(marks.height[m] - z) < reach:
             return math.inf
     band = Band(azimuth, z, slope, -math.pi, math.pi, math.inf, math.inf)
     expected = predict_gate(setup, band, gates, 0)

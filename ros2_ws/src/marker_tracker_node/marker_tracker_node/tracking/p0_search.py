@@ -19,7 +19,9 @@ from marker_tracker_node.detection.colour import (
 )
 from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
+from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT
 from marker_tracker_node.tracking.state import FlagArray, Setup
 from winding_core.helix import FleetAngleLaw
 
@@ -33,10 +35,10 @@ SATURATIONS = np.arange(0.45, 0.95, 0.05)
 NEAR_START = 0.3
 # A band is whole enough to be recognised by its colour.
 WHOLE_ENOUGH = 0.5
-# It stays at its place of the cylinder within this, as poorly as the camera's pose is known.
-SAME_ANGLE, SAME_HEIGHT = 0.08, 1.5e-3
+# It stays at its place of the cylinder within this [rad], as poorly as the camera's pose is known.
+SAME_ANGLE = 0.08
 # It proves itself by moving with the cylinder as long as markers do.
-PROOF_SIGHTINGS, PROOF_ADVANCE = 4, 0.1
+PROOF_SIGHTINGS = 4
 TURN = 2.0 * math.pi
 
 

@@ -13,7 +13,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.configured import body_without, camera_without
 from marker_tracker_node.tracking.estimator.fit import fitted
-from marker_tracker_node.tracking.estimator.numbers import CABLE, NUMBERS, TILT, ZERO
+from marker_tracker_node.tracking.estimator.numbers import CABLE, NUMBERS, PLACE, TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.frame.run_means import BENT_OVER_RUN, bent_height
 from marker_tracker_node.tracking.sightings import Sightings
@@ -139,8 +139,8 @@ class PoseBelief:
     What is taken by default is a camera on a bracket, set by tape measure and spirit level.
     """
 
-    position: float = 2.0e-3  # Of each coordinate [m]; zero where it is known
-    tilt: float = 10.0e-3  # About each axis [rad]; zero where it is known
+    position: float = NUMBERS[PLACE + 1].doubt  # Of each coordinate [m]; zero where it is known
+    tilt: float = NUMBERS[TILT].doubt  # About each axis [rad]; zero where it is known
 
     def __post_init__(self) -> None:
         for name in ("position", "tilt"):

@@ -8,14 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.state import Burst, FlagArray, IndexArray, Rows
+from marker_tracker_node.tracking.state import TURN, Burst, FlagArray, IndexArray, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-_TURN = 2.0 * math.pi
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
 # Rows kept; a full log drops what lies between the first and the newest quarter.
 _ROWS = 16384
@@ -159,10 +158,10 @@ def _passings(
                 azimuth = angles[k] - row.theta
             if math.isnan(light):
                 light = _grey_level(frames[k])
-            lap = round(azimuth / _TURN)
+            lap = round(azimuth / TURN)
             one = found[passings]
             one[0], one[1], one[2], one[3] = n, lap, readings[0, k], motion[count - 1, 1]
-            one[4], one[5], one[6] = azimuth - _TURN * lap, row.seen_height, row.slope
+            one[4], one[5], one[6] = azimuth - TURN * lap, row.seen_height, row.slope
             one[7], one[8], one[9], one[10] = row.low, row.high, row.below, row.above
             one[11], one[12] = missed, light
             passings += 1

@@ -26,6 +26,7 @@ IndexArray = NDArray[np.int64]
 Rows: TypeAlias = Any
 Record = TypeVar("Record")
 
+TURN = 2.0 * math.pi
 CANDIDATES = 8
 PATH_STEP = 0.05
 PATH_SIZE = 8192

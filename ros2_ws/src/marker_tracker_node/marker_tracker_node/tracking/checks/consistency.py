@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import Correction
-from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, USUAL_AREA, Seen
+from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, Seen
 from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
@@ -96,7 +96,7 @@ def _of_light(log: SightingLog, area: FloatArray) -> Contradiction | None:
     first, last = (log.laps[0, lap] for lap in (laps[0], laps[-1]))
     before, now = first.light / first.frames, last.light / last.frames
     found, areas = _found(log, laps[-1]), area[area > 0.0]
-    smaller = areas.size > 0 and float(np.median(np.log(areas))) < USUAL_AREA - 2.0 * AREA_SIGMA
+    smaller = areas.size > 0 and float(np.median(np.log(areas))) < -2.0 * AREA_SIGMA
     if now >= _DARKER * before or (found >= _USUALLY_FOUND and not smaller):
         return None
     return Contradiction(

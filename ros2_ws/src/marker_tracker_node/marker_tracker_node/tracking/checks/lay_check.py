@@ -11,7 +11,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.frame.laid_path import beside_path, known_around, mean_gap
+from marker_tracker_node.tracking.frame.laid_path import (
+    LAY_SIGMA,
+    LEAST_GAP,
+    beside_path,
+    known_around,
+    mean_gap,
+)
 from marker_tracker_node.tracking.state import (
     BY_READINGS,
     CONTRADICTED,
@@ -32,14 +38,8 @@ FloatArray = NDArray[np.float64]
 MOST_SCALE, JUDGED_AFTER = 50.0, 0.1
 # Travel over commanded travel in a turn or more: outside of this the markers decide.
 USUAL_SCALE = (0.7, 1.4)
-# So much farther from one path than from the other a marker lies on the other [m].
-CLEAR = 1.0e-3
-# The next marker is overdue when so many gaps and the part of a turn in sight are past [rad].
-OVERDUE_GAPS, IN_SIGHT = 1.3, 1.1
-# A marker is late when the next one is due as well and it has come past the camera once more.
-LATE_GAPS = 1.6
-# Cable lies beside the expected path by this much in consistent runs [m].
-USUALLY_BESIDE = 3.0e-3
+# The next marker is overdue when so many gaps and the part of a turn in sight are past.
+OVERDUE_GAPS = 1.3
 
 
 @called
@@ -73,13 +73,14 @@ def judge_guide(
     if last > 0:
         by_readings = abs(beside_path(setup, guide, marks, paths, filled, 0, last))
         by_feed = abs(beside_path(setup, guide, marks, paths, filled, 1, last))
-        if by_readings > by_feed + CLEAR:
+        if by_readings > by_feed + LAY_SIGMA:
             _believe(guide, CONTRADICTED, angle)
             return
-        if by_feed > by_readings + CLEAR and guide.belief == TRIED:
+        if by_feed > by_readings + LAY_SIGMA and guide.belief == TRIED:
             _believe(guide, BY_READINGS, angle)
             return
-    due = marks.theta[last] + OVERDUE_GAPS * mean_gap(setup, marks, last) + IN_SIGHT
+    due = marks.theta[last] + OVERDUE_GAPS * mean_gap(setup, marks, last)
+    due += setup.usable_azimuth
     missing = last < marks.known.size - 1 and angle > due
     if missing and angle > guide.since + 2.0 * math.pi:
         _believe(guide, BY_READINGS if guide.belief == TRIED else TRIED, angle)
@@ -127,7 +128,8 @@ def missing_markers(setup: Setup, state: TrackerState) -> tuple[int, ...]:
     if not known.size or known[0] != 0:
         return ()
     last = int(known[-1])
-    due = marks.theta[last] + LATE_GAPS * mean_gap(setup, marks, last) + 2.0 * math.pi
+    # Then the next one is due as well, and this one has come past the camera once more.
+    due = marks.theta[last] + (1.0 + LEAST_GAP) * mean_gap(setup, marks, last) + 2.0 * math.pi
     late = [n for n in range(last) if not marks.known[n]]
     if last + 1 < marks.known.size and run.cylinder.angle > due:
         late.append(last + 1)
@@ -149,6 +151,6 @@ def height_ratio(setup: Setup, state: TrackerState) -> float:
         beside_path(setup, run.guide, marks, state.paths, run.path_filled, row, n) for n in places
     ]
     square = float(path @ path)
-    if square == 0.0 or np.abs(seen - path).max() < USUALLY_BESIDE:
+    if square == 0.0 or np.abs(seen - path).max() < 3.0 * LAY_SIGMA:
         return math.nan
     return float(path @ seen) / square

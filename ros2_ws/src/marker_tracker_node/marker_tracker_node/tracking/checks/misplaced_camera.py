@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.p0_search import SEARCH_REACH, TURN, BandSearch
-from marker_tracker_node.tracking.state import Setup
+from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA
+from marker_tracker_node.tracking.p0_search import SEARCH_REACH, BandSearch
+from marker_tracker_node.tracking.state import TURN, Setup
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
 ByteArray = NDArray[np.uint8]
@@ -20,7 +21,7 @@ ByteArray = NDArray[np.uint8]
 STEP = 1.6 * SEARCH_REACH
 ERRORS = tuple(STEP * step for step in (-2, -1, 1, 2))
 # P0 has passed once after so much of the way; what is found earlier may be another marker [rad].
-ONE_LAP, TWO_LAPS = 1.2 * TURN, 2.4 * TURN
+ONE_LAP = 1.2 * TURN
 # A marker before what is followed is in sight with it; after so much of the way a later one may be,
 # which lies below it where the guide stands behind [rad].
 ONE_PASS = 0.5 * TURN
@@ -30,8 +31,6 @@ LOOK_STEP = 0.1
 PAINTED = 0.5
 # Markers before another lie one or two gaps ahead of it, within this [rad].
 BELIEVED = 0.4
-# A guide that went back by more does not lay the first marker lowest [m].
-GOES_BACK = 1.0e-3
 
 
 class MisplacedCamera:
@@ -82,8 +81,8 @@ class MisplacedCamera:
         way, something = abs(angle - self._begun), math.isfinite(followed)
         if something and math.isnan(self._since):
             self._since = angle
-        # A guide that goes back lays later markers below the first.
-        self.done = way > TWO_LAPS or guide < self._guide - GOES_BACK
+        # A guide that goes back by more than cable lies off lays later markers below the first.
+        self.done = way > 2.0 * ONE_LAP or guide < self._guide - LAY_SIGMA
         self.done |= abs(angle - self._since) > ONE_PASS
         if self.done:
             return ""

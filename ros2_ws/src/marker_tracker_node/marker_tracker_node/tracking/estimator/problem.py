@@ -55,10 +55,10 @@ FloatArray = NDArray[np.float64]
 # Inverse variance of what is taken as it is, to a micrometre or a microradian.
 HELD = 1.0e12
 # Columns of sightings.
-MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, SLOPE = range(7)
+MARKER, LAP, TIME, ANGLE, AZIMUTH, Z = range(6)
 # Bands of consistent runs are up to 5 % smaller than they are, as their edges are mixed pixels, or
 # 5 % larger where they are blurred.
-USUAL_AREA, AREA_SIGMA = 0.0, 0.035
+AREA_SIGMA = 0.035
 # Laps of a marker that are explained, and sightings: what a long run costs does not grow with it.
 _FIRST_LAPS, _NEWEST_LAPS, _MOST_ROWS = 2, 4, 400
 # Bands that are seen from the side tell little: cosine of the largest azimuth.
@@ -255,7 +255,7 @@ class Problem:
         share = self._seen.area
         if not math.isfinite(share):
             return 0.0, slopes
-        left = (share - self.area_of(x) - USUAL_AREA) / AREA_SIGMA
+        left = (share - self.area_of(x)) / AREA_SIGMA
         slopes[:COUNT] = self._by_area / (AREA_SIGMA * (1.0 + x[:COUNT]))
         smallest, largest = (math.log(limit) for limit in WHOLE_AREA)
         if (share < smallest + AREA_SIGMA and left > 0.0) or (

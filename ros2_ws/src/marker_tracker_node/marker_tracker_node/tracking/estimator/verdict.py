@@ -26,16 +26,16 @@ _AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
 EXPLAINED = 6.5
 # Then the numbers are named that the fit takes so many doubts from what was configured.
 _FAR = 3.0
-# Numbers whose first step promises less than this share of what is needed, or of the best, are not
-# tried: a step of outliers and bends promises half of what it leads to.
-_PROMISED, _PROMISING = 0.5, 0.1
+# What gains less than this share of the best is not tried, and not named beside it: a large error
+# leaves bends that a small turn of the camera takes up.
+_LEAST_SHARE = 0.1
+# Nor what promises less than this share of what is needed: a step of outliers and bends promises
+# half of what it leads to.
+_PROMISED = 0.5
 _MOST_TRIED = 9
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
 _LEAST_ALONE, _LEFT_ALONE = 30.0, 0.3
-# Beside a number beyond its doubt it explains this share of that one's gain, too: a large error
-# leaves bends that a small turn of the camera takes up.
-_LEAST_BESIDE = 0.1
 # So many numbers are named at most.
 _MOST_WRONG = 2
 # Axes of less information than this share of the best one are not observed.
@@ -95,7 +95,7 @@ def judged(problem: Problem) -> Verdict:
         wrong = (first, second) if second else wrong
     if len(wrong) < _MOST_WRONG and problem.markers.size > 1:
         fit = first[0].fit if first else usual
-        least = max(_LEAST_ALONE, _LEAST_BESIDE * (usual.cost - fit.cost))
+        least = max(_LEAST_ALONE, _LEAST_SHARE * (usual.cost - fit.cost))
         beside = _within_doubt(fit, [one[0].number for one in wrong], least)
         # What takes up the difference between two explanations of the first is no other number.
         named = {one.number for one in first}
@@ -189,7 +189,7 @@ def _explanations(problem: Problem, usual: Fit) -> tuple[Explanation, ...]:
     promised.sort(reverse=True)
     found = []
     for gain, number, error in promised[:_MOST_TRIED]:
-        if gain < max(_PROMISED * _LEAST_GAIN, _PROMISING * promised[0][0]):
+        if gain < max(_PROMISED * _LEAST_GAIN, _LEAST_SHARE * promised[0][0]):
             break
         prior, most = usual.prior.copy(), NUMBERS[number].most
         prior[number] = most**-2

@@ -64,8 +64,6 @@ SAME_PLACE = 0.035
 LANDING = 0.2
 PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
-# A gap of this many expected ones or more hides a marker that was missed.
-SKIP = 0.4
 MAX_NODES = 2048
 # A search looks at one pixel in this length [m].
 SEARCH_GRAIN = 0.24e-3
@@ -113,7 +111,8 @@ def marker_number(
         return -1
     if above < 0:
         ratio = (theta - marks.theta[below]) / mean_gap(setup, marks, below)
-        number = below + max(int(math.floor(ratio + SKIP)), 1)  # noqa: RUF046
+        # The first may lie anywhere in its gap; then markers are no nearer than the least one.
+        number = below + max(int(math.floor(ratio + 1.0 - LEAST_GAP)), 1)  # noqa: RUF046
         above = count
     else:
         share = (theta - marks.theta[below]) / (marks.theta[above] - marks.theta[below])

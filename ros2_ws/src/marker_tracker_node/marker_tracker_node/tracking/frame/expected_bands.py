@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import COVERED, OUT_OF_SIGHT, Gates, Picture
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    TOUCH_REACH,
+    SHOWN_GAP,
     Shutter,
     bands_touch,
     gate_visibility,
@@ -22,6 +22,7 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     turned_since,
 )
 from marker_tracker_node.tracking.frame.laid_path import (
+    BAND_REACH,
     LaidCable,
     band_beside_turns,
     corrected_height,
@@ -32,9 +33,6 @@ from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Set
 from winding_core.compiling import called
 
 FloatArray = NDArray[np.float64]
-
-# A band so far out of sight [rad] may still show beside one that is in sight.
-NEAR_SIGHT = 0.4
 
 
 class Expected(NamedTuple):
@@ -112,7 +110,7 @@ def expect_bands(
         away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
         beyond = abs(away) > setup.usable_azimuth
         if beyond and (
-            abs(away) > setup.usable_azimuth + NEAR_SIGHT or not _beside(setup, marks, n)
+            abs(away) > setup.usable_azimuth + BAND_REACH or not _beside(setup, marks, n)
         ):
             continue
         slope = corrected_height(cable, theta)[1]
@@ -131,7 +129,7 @@ def expect_bands(
     for n in range(count):
         for m in range(n + 1, count):
             near = expected.near[n] and expected.near[m]
-            if not (near and gates_meet(gates, n, m, TOUCH_REACH)):
+            if not (near and gates_meet(gates, n, m, SHOWN_GAP)):
                 continue
             if bands_touch(gates, n, m):
                 expected.touching[n] = expected.touching[m] = True

@@ -37,7 +37,7 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     shutter_of,
     turned_since,
 )
-from marker_tracker_node.tracking.frame.laid_path import fit_offset, laid_cable
+from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT, fit_offset, laid_cable
 from marker_tracker_node.tracking.frame.run_means import update_means, update_shift, write_results
 from marker_tracker_node.tracking.machine_motion import advance_machine, phase_lock
 from marker_tracker_node.tracking.state import (
@@ -58,7 +58,6 @@ ByteArray = NDArray[np.uint8]
 
 AREA_SHARE = 0.05
 JUMP_THETA = 0.12
-JUMP_HEIGHT = 1.5e-3
 REAIM = 0.4
 
 
@@ -200,7 +199,7 @@ def _measure(
         pixels = predict_gate(setup, place, gates, n)
         gates.ahead[n] = min(gates.ahead[n], ahead)
         gates.behind[n] = min(gates.behind[n], behind)
-    if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > JUMP_HEIGHT:
+    if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > SAME_HEIGHT:
         return HIDDEN
     marks.area[n] *= 1.0 + AREA_SHARE * (found.share - 1.0)
     out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)

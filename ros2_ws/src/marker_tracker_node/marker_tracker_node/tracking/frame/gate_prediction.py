@@ -27,19 +27,17 @@ from marker_tracker_node.detection.gate import (
     gate_leaves_image,
     gate_place,
 )
+from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA
 from marker_tracker_node.tracking.state import Setup
 from winding_core.compiling import called, compiled
 
 RING_DEPTH = 0.65
-TOUCH_REACH = 1.5
 # Gates that overlap by less hold no pixels of each other's band [px].
 OVERLAP = 1.0
 # How far from a turn of the same colour a band is cut off, and the gap to it that needs no cut
 # [m, px of the picture]: in a gap of 1.5 pixels one pixel at least is paint by less than half.
 GUARD = 0.15e-3
-GUARD_PIXELS = 1.5
-# Half way to a turn so much farther than the gate reaches there is nothing to keep off [m].
-FAR_TURN = 1.0e-3
+SHOWN_GAP = 1.5
 
 
 class Ends(NamedTuple):
@@ -108,7 +106,8 @@ def _territory_edge(
     c, s, beside = 0.0, 0.0, 0.5 * distance
     if abs(psi) < math.pi:
         c, s, beside = r * math.cos(psi), r * math.sin(psi), 0.0
-    elif abs(distance) > 2.0 * (r + setup.across_margin + FAR_TURN):
+    elif abs(distance) > 2.0 * (r + setup.across_margin + LAY_SIGMA):
+        # Half way to such a turn there is nothing to keep off, wherever it lies.
         return math.copysign(math.inf, distance), 0.0
     u, v, _depth = _pixel_around(setup, ends, ends.back, c, s, beside)
     along_0, across_0 = gate_place(gates, n, u, v)
@@ -160,7 +159,7 @@ def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # prag
     off, a band lies as far off as its free edge does.
     """
     r = setup.body.cable_radius
-    guard = max(GUARD, GUARD_PIXELS / axis_scale(setup.camera))
+    guard = max(GUARD, SHOWN_GAP / axis_scale(setup.camera))
     low, high = band.low, band.high
     if below and band.below < 2.0 * r + guard:
         low = max(low, -math.asin(max(0.5 * (band.below - 2.0 * guard) / r, 0.0)))

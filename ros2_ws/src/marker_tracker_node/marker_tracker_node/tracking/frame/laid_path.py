@@ -27,17 +27,17 @@ TAIL = 0.5
 # Before the contact line the free span stands off the cylinder: within these azimuths [rad] it
 # hangs before the turn beside it, nearer to the line it lies beside that.
 SPAN_FIRST, SPAN_LAST = -1.3, -0.3
-# What the expected path may be wrong by before a turn has landed [m].
-SPAN_ROOM = 1.0e-3
-# A marker that is not known yet shows this far beside the place where it may be [rad].
-UNKNOWN_REACH = 0.4
+# A band shows this far beside the place where it may be, or where bands are in sight [rad].
+BAND_REACH = 0.4
 # The next marker is no nearer than this share of the mean gap.
 LEAST_GAP = 0.6
 # How far the guide may stand before the contact line when P0 lands, one deviation [m], and how far
 # a cable lies beside the path.
 OFFSET_SIGMA, LAY_SIGMA = 5.0e-3, 1.0e-3
 # No guide stands farther from where P0 lands [m].
-MOST_OFFSET = 25.0e-3
+MOST_OFFSET = 5.0 * OFFSET_SIGMA
+# Bands that lie so near to each other are the same band [m].
+SAME_HEIGHT = 1.5 * LAY_SIGMA
 
 
 class LaidCable(NamedTuple):
@@ -187,7 +187,7 @@ def covered_by_span(
     landing = theta + 2.0 * math.pi + before
     way = landing + math.sin(-before)
     distance = abs(corrected_height(cable, way)[0] - band.z)
-    return bool(distance < 2.0 * setup.body.cable_radius + SPAN_ROOM)
+    return bool(distance < 2.0 * setup.body.cable_radius + LAY_SIGMA)
 
 
 @called
@@ -198,7 +198,7 @@ def unknown_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pra
     if last < 0 or last == marks.known.size - 1:
         return False
     least = marks.theta[last] + LEAST_GAP * mean_gap(setup, marks, last)
-    return bool(theta + 2.0 * math.pi + UNKNOWN_REACH > least)
+    return bool(theta + 2.0 * math.pi + BAND_REACH > least)
 
 
 @called
