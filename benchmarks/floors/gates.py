@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node import Tracker
-from marker_tracker_node.detection.gate import empty_gates
+from marker_tracker_node.detection.gate import OUT_OF_SIGHT, empty_gates
 from marker_tracker_node.tracking.frame.expected_bands import empty_expected, expect_bands
-from marker_tracker_node.tracking.frame.gate_prediction import OUT_OF_SIGHT, shutter_of
+from marker_tracker_node.tracking.frame.gate_prediction import shutter_of
 from marker_tracker_node.tracking.frame.laid_path import laid_cable
 
 

@@ -203,13 +203,7 @@ def _sum(
 ) -> None:  # pragma: no cover
     """Sum over gate n what tells how far an outline lies beside the marker pixels.
 
-    Args:
-        picture: Frame and colours.
-        gates: Where to look.
-        n: Which of them.
-        outline: As drawn.
-        moved: By how much along and across the cable, and how much larger [px].
-        sums: Written.
+    It is moved by so much along and across the cable, and made so much larger [px].
     """
     ahead, aside, grown = moved
     left, right = outline[ACROSS, 0] - grown, outline[ACROSS, NODES - 1] + grown

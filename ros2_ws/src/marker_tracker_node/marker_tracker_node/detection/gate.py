@@ -84,21 +84,8 @@ class Gates(NamedTuple):
 @compiled
 def empty_gates(count: int) -> Gates:  # pragma: no cover
     """Return room for a number of gates."""
-    return Gates(
-        seen_a=np.zeros(count),
-        seen_b=np.zeros(count),
-        column=np.zeros(count),
-        row=np.zeros(count),
-        along_u=np.zeros(count),
-        along_v=np.zeros(count),
-        ahead=np.zeros(count),
-        behind=np.zeros(count),
-        left=np.zeros(count),
-        right=np.zeros(count),
-        half_band=np.zeros(count),
-        left_lean=np.zeros(count),
-        right_lean=np.zeros(count),
-    )
+    r = np.zeros((13, count))
+    return Gates(r[0], r[1], r[2], r[3], r[4], r[5], r[6], r[7], r[8], r[9], r[10], r[11], r[12])
 
 
 @called
@@ -216,26 +203,18 @@ def in_gate(gates: Gates, n: int, u: float, v: float) -> bool:  # pragma: no cov
 
 
 @called
-def gate_leaves_image(
+def gate_visibility(
     gates: Gates, n: int, margin: float, picture: Picture
-) -> tuple[bool, bool]:  # pragma: no cover
-    """Return whether gate n without its margin [pixels] leaves the image, and whether wholly."""
+) -> int:  # pragma: no cover
+    """Return OUT_OF_SIGHT, CLIPPED or HIDDEN (nothing found) for a gate less its margin [px]."""
     rows, columns = picture.pixels.shape[:2]
     half = max(gates.ahead[n] - margin, gates.behind[n] - margin, 0.0)
     span = max(max(-gates.left[n], gates.right[n]) - margin, 0.0)
     tu, tv = abs(gates.along_u[n]), abs(gates.along_v[n])
     width, height = half * tu + span * tv, half * tv + span * tu
-    column, row = gates.column[n], gates.row[n]
-    partly = (
-        column - width < -0.5
-        or column + width > columns - 0.5
-        or row - height < -0.5
-        or row + height > rows - 0.5
-    )
-    wholly = (
-        column + width < -0.5
-        or column - width > columns - 0.5
-        or row + height < -0.5
-        or row - height > rows - 0.5
-    )
-    return partly, wholly
+    # How far its middle lies within the nearer edges of the picture.
+    column = min(gates.column[n] + 0.5, columns - 0.5 - gates.column[n])
+    row = min(gates.row[n] + 0.5, rows - 0.5 - gates.row[n])
+    if column < -width or row < -height:
+        return OUT_OF_SIGHT
+    return CLIPPED if column < width or row < height else HIDDEN

@@ -137,19 +137,7 @@ def _look_between(
     turned: FloatArray,
     looks: Rows,
 ) -> None:  # pragma: no cover
-    """Look at the places between known neighbours that some frames of a burst show.
-
-    Args:
-        frames: Shape (k, rows, columns, 3).
-        kept: Numbers of those that are looked at, shape (n,).
-        table: See `Picture`.
-        fixed: See `fixed_numbers`.
-        marks: Of MARK, shape (markers,).
-        path: See `TrackerState` [m], shape (PATH_SIZE,).
-        filled: Places of it that are filled.
-        turned: Cylinder angles as the camera sees it [rad], shape (k,).
-        looks: Of `Looks`, shape (places, _LOOKS); written.
-    """
+    """Look at the places between known neighbours that the kept ones of some frames show."""
     setup, gates, cable = setup_of(fixed), empty_gates(1), LaidCable(marks, path, filled)
     # A gap is known once its second marker has landed, and looked at in the laps after that.
     widest = 0.0
@@ -200,18 +188,7 @@ def _band_share(
 ) -> float:  # pragma: no cover
     """Return how much of a band at a wound angle between markers has the markers' colour.
 
-    Args:
-        pixels: Shape (rows, columns, 3).
-        table: See `Picture`.
-        setup: Machine and camera.
-        cable: As laid so far.
-        theta: [rad]
-        azimuth: [rad]
-        gates: Room for one.
-
-    Returns:
-        The share of the area that a band there would have: nan outside of the picture, inf beside
-        a marker.
+    That is in shares of its area; nan outside of the picture, inf beside a marker.
     """
     z, slope = corrected_height(cable, theta)
     reach, marks = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin, cable.marks

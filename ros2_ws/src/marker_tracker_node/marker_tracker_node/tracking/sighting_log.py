@@ -127,15 +127,7 @@ def _passings(
     ahead: FloatArray,
     rows: Rows,
 ) -> tuple[FloatArray, FloatArray]:  # pragma: no cover
-    """Return what some frames of a burst show of markers that pass the camera.
-
-    Args:
-        frames: Shape (k, rows, columns, 3).
-        kept: Numbers of those that count, shape (n,).
-        readings: See `update_burst`; a frame without the encoder's does not count.
-        angles: Of the cylinder [rad], shape (k,).
-        ahead: See `Burst`.
-        rows: Of SEEN, shape (k, markers).
+    """Return what the kept ones of some frames show of markers that pass the camera.
 
     Returns:
         See `SightingLog.motion`, shape (m, 2); and `SightingLog.sightings`, then whether the

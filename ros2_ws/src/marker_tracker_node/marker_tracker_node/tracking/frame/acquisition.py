@@ -24,6 +24,7 @@ from marker_tracker_node.detection.gate import (
     Gates,
     Picture,
     gate_moments,
+    gate_visibility,
     in_gate,
     seeking,
     several_colours,
@@ -32,7 +33,7 @@ from marker_tracker_node.detection.gate import (
 from marker_tracker_node.tracking.frame.gate_prediction import (
     Shutter,
     axis_scale,
-    gate_visibility,
+    gate_margin,
     predict_gate,
     separate_gates,
     turned_since,
@@ -151,7 +152,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
             # The first look may be half a band off.
             gates.ahead[work] *= 1.3
             gates.behind[work] *= 1.3
-        if gate_visibility(setup, gates, work, scan.picture) != HIDDEN:
+        if gate_visibility(gates, work, gate_margin(setup), scan.picture) != HIDDEN:
             return
         for n in range(work):
             if scan.outcome[n] != OUT_OF_SIGHT:
@@ -377,15 +378,8 @@ def _count_across(
 ) -> tuple[float, float]:  # pragma: no cover
     """Count marker pixels of no known marker in the row across the cable at a wound angle.
 
-    Args:
-        scan: What is sought where.
-        theta: Wound angle [rad].
-        beside: How far from the cable along z the row's middle lies [m].
-        scale: Of the image [px/m].
-        stride: One in so many columns is looked at.
-
-    Returns:
-        Their number, and the sum of their distances from the row's middle [px].
+    Return their number, and the sum of their distances from the row's middle [px], which lies
+    `beside` the cable along z.
     """
     setup, body, pixels = scan.setup, scan.setup.body, scan.picture.pixels
     rows, columns = pixels.shape[:2]

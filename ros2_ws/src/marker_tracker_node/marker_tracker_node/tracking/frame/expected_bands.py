@@ -9,12 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.detection.band import Band
-from marker_tracker_node.detection.gate import COVERED, OUT_OF_SIGHT, Gates, Picture
+from marker_tracker_node.detection.gate import (
+    COVERED,
+    OUT_OF_SIGHT,
+    Gates,
+    Picture,
+    gate_visibility,
+)
 from marker_tracker_node.tracking.frame.gate_prediction import (
     SHOWN_GAP,
     Shutter,
     bands_touch,
-    gate_visibility,
+    gate_margin,
     gates_meet,
     guarded,
     predict_gate,
@@ -44,8 +50,8 @@ class Expected(NamedTuple):
 
     outcome: IndexArray  # What came of looking for the marker
     near: FlagArray
-    pixels: FloatArray  # That its band should fill
     touching: FlagArray  # Whether its band touches another
+    pixels: FloatArray  # That its band should fill
     azimuth: FloatArray  # See `Band`, and so are the following
     slope: FloatArray  # [m/rad]
     low: FloatArray  # [rad]
@@ -57,18 +63,12 @@ class Expected(NamedTuple):
 @called
 def empty_expected(count: int) -> Expected:  # pragma: no cover
     """Return room for what is expected of a number of markers."""
-    return Expected(
-        outcome=np.zeros(count, dtype=np.int64),
-        near=np.zeros(count, dtype=np.bool_),
-        pixels=np.zeros(count),
-        touching=np.zeros(count, dtype=np.bool_),
-        azimuth=np.zeros(count),
-        slope=np.zeros(count),
-        low=np.zeros(count),
-        high=np.zeros(count),
-        below=np.zeros(count),
-        above=np.zeros(count),
+    outcome, flags, r = (
+        np.zeros(count, np.int64),
+        np.zeros((2, count), np.bool_),
+        np.zeros((7, count)),
     )
+    return Expected(outcome, flags[0], flags[1], r[0], r[1], r[2], r[3], r[4], r[5], r[6])
 
 
 @called
@@ -120,7 +120,7 @@ def expect_bands(
         expected.near[n] = True
         expected.pixels[n] = predict_gate(setup, band, gates, n)
         if not beyond:
-            expected.outcome[n] = gate_visibility(setup, gates, n, picture)
+            expected.outcome[n] = gate_visibility(gates, n, gate_margin(setup), picture)
             if covered_by_span(setup, cable, band, theta):
                 expected.outcome[n] = COVERED
         expected.azimuth[n], expected.slope[n] = azimuth, slope

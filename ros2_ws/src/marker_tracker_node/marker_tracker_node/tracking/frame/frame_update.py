@@ -118,16 +118,8 @@ def _update_frame(
 ) -> None:  # pragma: no cover
     """Measure the known markers of frame k and look for the others.
 
-    Args:
-        picture: Frame and colours.
-        setup: Machine and camera.
-        run: At the frame, as far as it is known without looking; written.
-        lead: How much further P0 is expected [rad].
-        tracks: Written in place.
-        gates: Room for those of the markers and for one more.
-        expected: Room for what is expected of the markers.
-        out: Receives what the frame yields.
-        k: Number of the frame.
+    The run is known at the frame as far as it is without looking; gates are those of the markers
+    and one more.
     """
     marks, cylinder = tracks.marks, run.cylinder
     cable = laid_cable(tracks, run)

@@ -19,12 +19,7 @@ from marker_tracker_node.detection.band import (
     section_at,
 )
 from marker_tracker_node.detection.gate import (
-    CLIPPED,
-    HIDDEN,
-    OUT_OF_SIGHT,
     Gates,
-    Picture,
-    gate_leaves_image,
     gate_place,
 )
 from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA
@@ -150,6 +145,12 @@ def axis_scale(camera: CameraView) -> float:  # pragma: no cover
 
 
 @called
+def gate_margin(setup: Setup) -> float:  # pragma: no cover
+    """Return the room of a gate that may lie outside the picture [px]."""
+    return setup.along_margin * axis_scale(setup.camera) - 1.0
+
+
+@called
 def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # pragma: no cover
     """Return a band cut off before it meets the turn on its -z side, on its +z side, or both.
 
@@ -166,18 +167,6 @@ def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # prag
     if above and band.above < 2.0 * r + guard:
         high = min(high, math.asin(max(0.5 * (band.above - 2.0 * guard) / r, 0.0)))
     return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
-
-
-@called
-def gate_visibility(
-    setup: Setup, gates: Gates, n: int, picture: Picture
-) -> int:  # pragma: no cover
-    """Return OUT_OF_SIGHT, CLIPPED or HIDDEN (nothing found yet) for gate n."""
-    margin = setup.along_margin * axis_scale(setup.camera) - 1.0
-    partly, wholly = gate_leaves_image(gates, n, margin, picture)
-    if wholly:
-        return OUT_OF_SIGHT
-    return CLIPPED if partly else HIDDEN
 
 
 @called
