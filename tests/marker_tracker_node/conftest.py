@@ -10,7 +10,7 @@ import pytest
 # Modules beside the tests are imported by name.
 sys.path.insert(0, str(Path(__file__).parent))
 
-from marker_film import DRIVE, FREE_LENGTH, Film, FilmMaker, smooth_lay
+from marker_film import DRIVE, FREE_LENGTH, Film, FilmMaker, Frames, smooth_lay
 
 from winding_core.cable.cases import paper_case
 from winding_rig_node.lay.known_lay import published_lay
@@ -37,3 +37,10 @@ def smooth_film() -> FilmMaker:
         return Film(case=case, lay=smooth_lay(case, stretch), **changes)  # type: ignore[arg-type]
 
     return film
+
+
+@pytest.fixture(scope="session")
+def filmed(paper_film: FilmMaker) -> tuple[Film, Frames]:
+    """Case 4, and its pictures, which are the same whatever a tracker is configured with."""
+    film = paper_film(4)
+    return film, [(t, frame) for t, frame, *_ in film.frames(40.0)]

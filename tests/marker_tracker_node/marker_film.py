@@ -14,7 +14,7 @@ from winding_core.cable.cases import Case
 from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.readings import AxisReading
-from winding_core.markers import MarkerFlag
+from winding_core.markers import MarkerFlag, Markers
 from winding_rig_node.camera import (
     CablePath,
     CameraConfig,
@@ -143,6 +143,7 @@ class Film:
         fps: float,
         tracker: Tracker | None = None,
         change: Callable[[np.ndarray, float], np.ndarray] | None = None,
+        read: Callable[[float, float], float] | None = None,
         **when: float,
     ) -> tuple[Tracker, np.ndarray, np.ndarray]:
         """Track the frames of `frames`; return the tracker, its records and the encoder's angles.
@@ -151,12 +152,14 @@ class Film:
             fps: Frames a second [1/s].
             tracker: A new one unless another is given.
             change: Makes the picture that is seen of the one drawn, and of the angle [rad].
+            read: Makes the reading of the encoder of time [s] and angle [rad].
             when: See `frames`.
         """
         tracker, records, angles = tracker or self.tracker(), [], []
         for t, drawn, angle, guide in self.frames(fps, **when):
             frame = drawn if change is None else change(drawn, angle)
-            records.append(tracker.track(frame, t, angle, guide))
+            reading = angle if read is None else read(t, angle)
+            records.append(tracker.track(frame, t, reading, guide))
             angles.append(angle)
         assert records
         return tracker, np.stack(records), np.array(angles)
@@ -182,6 +185,50 @@ class Film:
 
 # Films a case of the paper; further arguments are fields of the film.
 FilmMaker = Callable[..., Film]
+Frames = list[tuple[float, np.ndarray]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wrong:
+    """Numbers that a tracker is given wrongly."""
+
+    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # Of the camera, by so much [rad]
+    away: float = 0.0  # The camera's distance [m]
+    focal: float = 1.0  # Factor on the focal length
+    reading: float = 1.0  # Factor on the encoder's angles
+    times: float = 1.0  # Factor on the frames' times
+    config: dict[str, float] = field(default_factory=dict)  # Factors on fields
+
+    def seen(self, frame: np.ndarray, t: float) -> np.ndarray:
+        """The picture that is seen of one drawn at a time [s]."""
+        return frame
+
+    def followed(
+        self, film: Film, frames: Frames, *, explain: bool = False
+    ) -> tuple[Tracker, list[Markers]]:
+        """Track pictures of a film; return the tracker, and what was published.
+
+        Args:
+            film: That was filmed.
+            frames: Its times [s] and pictures.
+            explain: Whether what was seen is explained as it comes, and not in the end alone.
+        """
+        config = film.tracker().config
+        x, y, z = config.pose.position
+        tilt = tuple(np.add(config.pose.tilt, self.tilt).tolist())
+        fields = {name: factor * getattr(config, name) for name, factor in self.config.items()}
+        config = replace(
+            config, pose=CameraPose(position=(x + self.away, y, z), tilt=tilt), **fields
+        )
+        tracker, published = Tracker(config, pinhole(film.camera, self.focal)), []
+        for t, frame in frames:
+            # The encoder keeps its own time: a wrong one asks it for another instant.
+            angle, guide = DRIVE.positions(self.times * t)
+            reading = self.reading * encoder(angle)
+            published.append(tracker.track(self.seen(frame, t), self.times * t, reading, guide))
+            if explain:
+                tracker.explain()
+        return tracker, published
 
 
 def dark_where(hidden: Callable[[float], bool]) -> Callable[[np.ndarray, float], np.ndarray]:

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 import pytest
-from marker_film import DRIVE, FilmMaker, encoder, pinhole
+from marker_film import Film, FilmMaker, Frames, Wrong
 
-from marker_tracker_node import Tracker
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction
 from winding_core.cable.cases import paper_case
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise
@@ -22,25 +20,16 @@ pytestmark = pytest.mark.slow
 FPS = 40.0
 
 
-def same(value: Any, t: float) -> Any:
-    return value
-
-
 @dataclass(frozen=True, kw_only=True)
-class Lie:
-    """What a tracker is configured with wrongly.
-
-    Attributes:
-        picture: Makes the frame that is seen of the one that was drawn.
-    """
+class Lie(Wrong):
+    """What a tracker is configured with wrongly."""
 
     number: str  # That has to be named
     share: float = math.nan  # By how much it is set too large; nan where no share is given
-    config: dict[str, float] = field(default_factory=dict)  # Factors on fields of the configuration
-    focal: float = 1.0  # Factor on the focal length
-    times: float = 1.0  # Factor on the frames' times
-    reading: float = 1.0  # Makes the reported angle of the true one [rad]
-    picture: Callable[[np.ndarray, float], np.ndarray] = same
+    picture: Callable[[np.ndarray, float], np.ndarray] | None = None
+
+    def seen(self, frame: np.ndarray, t: float) -> np.ndarray:
+        return frame if self.picture is None else self.picture(frame, t)
 
 
 def darker(frame: np.ndarray, t: float) -> np.ndarray:
@@ -75,30 +64,13 @@ LIES = {
 }
 
 
-Frames = list[tuple[float, np.ndarray]]
-
-
-@pytest.fixture(scope="module")
-def filmed(paper_film: FilmMaker) -> tuple[Any, Frames]:
-    """Case 4, and its pictures, which are the same whatever a tracker is configured with."""
-    film = paper_film(4)
-    return film, [(t, frame) for t, frame, *_ in film.frames(FPS)]
-
-
-def found_wrong(film: Any, frames: Frames, lie: Lie) -> tuple[Contradiction, ...]:
+def found_wrong(film: Film, frames: Frames, lie: Lie) -> tuple[Contradiction, ...]:
     """Track pictures of a film with a lie and return what was found to be wrong."""
-    config = film.tracker().config
-    config = replace(config, **{n: f * getattr(config, n) for n, f in lie.config.items()})
-    tracker = Tracker(config, pinhole(film.camera, lie.focal))
-    for t, frame in frames:
-        # The encoder keeps its own time: a wrong one asks it for another instant.
-        angle, guide = DRIVE.positions(lie.times * t)
-        tracker.track(lie.picture(frame, t), lie.times * t, lie.reading * encoder(angle), guide)
-    return tracker.report().contradictions
+    return lie.followed(film, frames)[0].report().contradictions
 
 
 @pytest.mark.parametrize("name", LIES)
-def test_the_wrong_number_is_named(filmed: tuple[Any, Frames], name: str) -> None:
+def test_the_wrong_number_is_named(filmed: tuple[Film, Frames], name: str) -> None:
     lie = LIES[name]
     (found,) = found_wrong(*filmed, lie)
     assert lie.number in found.names, found.sentence

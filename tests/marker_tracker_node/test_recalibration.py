@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 import pytest
-from marker_film import DRIVE, FilmMaker, encoder, pinhole
+from marker_film import UNSEEN, Film, Frames, Wrong
 
-from marker_tracker_node import CameraPose, Tracker
+from marker_tracker_node import Tracker
 from marker_tracker_node.tracking.estimator.correction import correction
 from marker_tracker_node.tracking.estimator.problem import Problem
 from marker_tracker_node.tracking.estimator.verdict import judged
@@ -19,23 +18,7 @@ from winding_verification.tracker.scenes import World
 from winding_verification.tracker.sightings import quick, sightings
 from winding_verification.tracker.wrong_numbers import WrongNumber
 
-FPS = 40.0
-UNSEEN = int(MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 DRAWN = quick(replace(World.drawn(1), rest=0.6))
-
-Frames = list[tuple[float, np.ndarray]]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Wrong:
-    """Numbers of a tracker's configuration that are set wrongly."""
-
-    tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # By so much [rad]
-    away: float = 0.0  # The camera's distance [m]
-    focal: float = 1.0  # Factor
-    reading: float = 1.0  # Factor on the encoder's angles
-    config: dict[str, float] = field(default_factory=dict)  # Factors on fields
-
 
 WRONG = {
     "camera turned about its axis": Wrong(tilt=(0.0, 0.0, 0.02)),
@@ -48,29 +31,9 @@ WRONG = {
 }
 
 
-@pytest.fixture(scope="module")
-def filmed(paper_film: FilmMaker) -> tuple[Any, Frames]:
-    film = paper_film(4)
-    return film, [(t, frame) for t, frame, *_ in film.frames(FPS)]
-
-
-def followed(filmed: tuple[Any, Frames], wrong: Wrong) -> tuple[Tracker, list[Markers]]:
+def followed(filmed: tuple[Film, Frames], wrong: Wrong) -> tuple[Tracker, list[Markers]]:
     """Return the tracker of a film, explaining it as it goes, and what was published."""
-    film, frames = filmed
-    config = film.tracker().config
-    x, y, z = config.pose.position
-    tilt = tuple(np.add(config.pose.tilt, wrong.tilt).tolist())
-    pose = CameraPose(position=(x + wrong.away, y, z), tilt=tilt)
-    config = replace(
-        config, pose=pose, **{n: f * getattr(config, n) for n, f in wrong.config.items()}
-    )
-    tracker = Tracker(config, pinhole(film.camera, wrong.focal))
-    published = []
-    for t, frame in frames:
-        angle, guide = DRIVE.positions(t)
-        published.append(tracker.track(frame, t, wrong.reading * encoder(angle), guide))
-        tracker.explain()
-    return tracker, published
+    return wrong.followed(*filmed, explain=True)
 
 
 def off(found: Markers, truth: Markers) -> np.ndarray:
@@ -82,7 +45,7 @@ def off(found: Markers, truth: Markers) -> np.ndarray:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", WRONG)
 def test_a_wrong_number_leaves_the_markers_where_they_are(
-    filmed: tuple[Any, Frames], name: str
+    filmed: tuple[Film, Frames], name: str
 ) -> None:
     right, _ = followed(filmed, Wrong())
     tracker, published = followed(filmed, WRONG[name])
@@ -112,7 +75,7 @@ def steps(published: list[Markers]) -> tuple[float, float]:
 
 @pytest.mark.slow
 def test_published_values_go_over_to_corrected_ones_without_a_jump(
-    filmed: tuple[Any, Frames],
+    filmed: tuple[Film, Frames],
 ) -> None:
     right, _ = steps(followed(filmed, Wrong())[1])
     largest, way = steps(followed(filmed, WRONG["focal length 3 % short"])[1])
@@ -122,7 +85,7 @@ def test_published_values_go_over_to_corrected_ones_without_a_jump(
 
 @pytest.mark.slow
 def test_a_run_whose_camera_is_corrected_within_its_doubt_is_healthy(
-    filmed: tuple[Any, Frames],
+    filmed: tuple[Film, Frames],
 ) -> None:
     tracker, _ = followed(filmed, Wrong(tilt=(0.0, 0.0, 0.008)))
     report = tracker.report()
@@ -131,7 +94,7 @@ def test_a_run_whose_camera_is_corrected_within_its_doubt_is_healthy(
 
 
 @pytest.mark.slow
-def test_right_numbers_are_not_corrected(filmed: tuple[Any, Frames]) -> None:
+def test_right_numbers_are_not_corrected(filmed: tuple[Film, Frames]) -> None:
     tracker, _ = followed(filmed, Wrong())
     assert tracker.report().remarks == ()
     np.testing.assert_array_equal(tracker.lens.k, tracker.camera.k)
@@ -159,12 +122,6 @@ def test_the_estimate_holds_the_markers_within_its_deviations(number: str, size:
     sigma = np.sqrt(found.doubt) + np.array([[3.0e-4], [2.0e-5]])
     away = np.abs([found.theta - theta[found.markers], found.z - z[found.markers]])
     assert (away < 3.0 * sigma).all()
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_right_numbers_have_no_correction(seed: int) -> None:
-    problem = Problem(sightings(quick(World.drawn(100 + seed)), (), seed))
-    assert correction(problem, judged(problem), made=False) is None
 
 
 def test_an_estimate_that_is_no_longer_carried_is_taken_back() -> None:

@@ -61,9 +61,7 @@ def test_the_true_fault_of_a_picture_is_named(paper_film, number, change, senten
 @pytest.mark.slow
 def test_an_encoder_that_counts_backwards_is_reported(paper_film):
     film = paper_film(9)
-    tracker = film.tracker()
-    for t, frame, angle, guide in film.frames(RATE, stop=2.0):
-        tracker.track(frame, t, -angle, guide)
+    tracker, *_ = film.followed(RATE, read=lambda t, angle: -angle, stop=2.0)
     assert "the encoder counts backwards" in tracker.report().colour_refusal
 
 
@@ -71,9 +69,9 @@ def test_an_encoder_that_counts_backwards_is_reported(paper_film):
 @pytest.mark.parametrize(("number", "start"), [(4, 0.0), (9, 2.0)])
 def test_an_encoder_that_reports_degrees_is_named(paper_film, number, start):
     film = paper_film(number)
-    tracker = film.tracker()
-    for t, frame, angle, guide in film.frames(RATE, start=start, stop=start + 6.0):
-        tracker.track(frame, t, math.degrees(angle), guide)
+    tracker, *_ = film.followed(
+        RATE, read=lambda t, angle: math.degrees(angle), start=start, stop=start + 6.0
+    )
     assert "degrees instead of radians" in tracker.report().colour_refusal
 
 
@@ -119,9 +117,9 @@ def test_markers_of_another_colour_are_found_by_their_hue(paper_film):
 )
 def test_a_run_may_begin_anywhere(paper_film, number, start, offset):
     film = paper_film(number)
-    tracker = film.tracker()
-    for t, frame, angle, guide in film.frames(RATE, start=start, stop=start + 8.0):
-        tracker.track(frame, t, angle + offset, guide)
+    tracker, *_ = film.followed(
+        RATE, read=lambda t, angle: angle + offset, start=start, stop=start + 8.0
+    )
     estimates = tracker.estimates()
     known = np.isfinite(estimates["theta"])
     assert known[:2].all()
@@ -141,12 +139,10 @@ def test_a_configured_angle_is_believed_at_once(paper_film):
     film = paper_film(9)
     start = 0.8
     tracker = film.tracker(start_angle=start)
-    frames = film.frames(RATE, start=1.3, stop=2.0)
-    first = None
-    for t, frame, angle, guide in frames:
-        first = angle if first is None else first
-        tracker.track(frame, t, angle + 40.0, guide)
-    assert tracker.origin == pytest.approx(first + 40.0 - start)
+    _, _, angles = film.followed(
+        RATE, tracker, read=lambda t, angle: angle + 40.0, start=1.3, stop=2.0
+    )
+    assert tracker.origin == pytest.approx(angles[0] + 40.0 - start)
 
 
 @pytest.mark.slow
