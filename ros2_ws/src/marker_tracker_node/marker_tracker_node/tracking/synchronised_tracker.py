@@ -193,7 +193,9 @@ class SynchronisedTracker:
             return tracker.track(pair.frame, pair.t, None, pair.guide_z)
         lead = clock.lead(pair.t, angle, tracker.phase)
         begun = tracker.beginnings
-        markers = tracker.track(pair.frame, pair.t, angle, pair.guide_z, lead=lead)
+        markers = tracker.track(
+            pair.frame, pair.t, angle, pair.guide_z, lead=lead, beside=clock.beside
+        )
         if tracker.beginnings != begun:
             self.clock = CameraClock(self._settings, tracker.config, self.history)
             return markers

@@ -135,6 +135,7 @@ class Tracker:
         guide_z: float | None = None,
         *,
         lead: float = 0.0,
+        beside: float = 0.0,
     ) -> Markers:
         """Return the records of P0 to Pn for one frame.
 
@@ -149,6 +150,7 @@ class Tracker:
             guide_z: Guide position at t [m]; None to expect the commanded feed.
             lead: How much further than by the reading P0 is expected, in azimuths as in `seen`
                 [rad].
+            beside: How far beside that it is sought if it is not there [rad].
 
         Returns:
             Records of MARKER_DTYPE, shape (marker_count + 1,); shape (0,) for a refused frame,
@@ -163,7 +165,7 @@ class Tracker:
             self._begin_anew()
         out = self._advance(
             np.asarray(frame)[None],
-            np.array([[t], [angle - self.origin], [guide], [lead]]),
+            np.array([[t], [angle - self.origin], [guide], [lead], [beside]]),
         )
         self.seen = out.rows["azimuth"][0]
         if self._numbers.made:
@@ -223,7 +225,7 @@ class Tracker:
         self._require_burst(frames, times, cylinder_angles)
         if self.colour is None:
             raise ValueError(f"a burst needs a colour model: {self._start.refusal}")
-        readings = np.zeros((4, len(frames)))
+        readings = np.zeros((5, len(frames)))
         readings[0], readings[1] = times, cylinder_angles - self.origin
         readings[2] = math.nan if guide_z is None else guide_z
         return self._records(self._advance(frames, readings))

@@ -51,10 +51,11 @@ LOCKED = NUMBERS[CLOCK].doubt
 # By how much bands may move too far, one standard deviation: focal length and cylinder.
 MOTION_SIGMA = NUMBERS[FOCAL].doubt
 _LEAST = 1.0e-9
-# In a lap that has not shown P0 it is sought by so much beside where it is expected, and no farther
-# from where it landed [rad]: encoder or times are wrong by up to 7 %, a gate finds a band that is
-# 0.1 rad away, and half a radian farther the estimator would have it behind the cylinder.
-SWEEP = (0.14, -0.14, 0.28, -0.28, 0.42, -0.42)
+# In a lap that has not shown P0 it is sought so far beside where it is expected [rad]: encoder or
+# times are wrong by up to 7 %, and half a radian farther the estimator would have it hidden.
+BESIDE = 0.45
+# Where it is found farther off than a gate reaches, it is followed from there [rad].
+ASTRAY = 0.1
 TURN = 2.0 * math.pi
 # A length may be wrong by this share because of the clock.
 LENGTH_SHARE = 0.002
@@ -255,12 +256,10 @@ class CameraClock:
         # By how much faster the cylinder was in the frames of each run mean [rad/s], and theirs.
         self._faster, self._weights = np.zeros((2, config.marker_count + 1))
         self._strayed = 0.0
-        self._usable = config.usable_azimuth
         # Frames since P0 was seen, the lap that passes, and whether it has shown P0.
         self._missed, self._lap, self._shown = 0, 0, False
-        # Azimuth of P0 at encoder angle zero [rad], as the last frame tried it beside the estimate,
-        # and where that has found it; else nan.
-        self._tried = self._astray = math.nan
+        # Azimuth of P0 at encoder angle zero [rad] where it was found beside its place; else nan.
+        self._astray = math.nan
 
     @property
     def estimate(self) -> ClockEstimate:
@@ -275,22 +274,19 @@ class CameraClock:
             angle: Reading that the frame is paired with [rad].
             shift: See `Run` [rad].
         """
-        self._tried = math.nan
         # Every second frame without P0 asks the encoder alone, should the estimate be wrong.
         if not math.isfinite(self.estimate.shift) or self._missed % 2:
             return 0.0
-        read = float(self._history.angles(np.array([t - self.estimate.offset]))[0])
-        zero = self._astray if math.isfinite(self._astray) else self.estimate.shift
-        lap = round((read + zero) / TURN)
+        place = self._read(t) + self._zero
+        lap = round(place / TURN)
         if lap != self._lap:
             self._lap, self._shown = lap, False
-        place = read + zero - TURN * lap
-        if self._missed and not self._shown and abs(place) < self._usable:
-            in_view = [step for step in SWEEP if abs(place + step) < self._usable]
-            most = max(SWEEP[-2], abs(zero))
-            zero += in_view[self._missed // 2 % len(in_view)]
-            zero = self._tried = min(max(zero, -most), most)
-        return read + zero - angle - shift
+        return place - angle - shift
+
+    @property
+    def beside(self) -> float:
+        """How far beside its place P0 is sought [rad]."""
+        return BESIDE if self._missed and not self._shown else 0.0
 
     def take(self, t: float, azimuths: FloatArray) -> None:
         """Take what was seen in a frame that had a reading.
@@ -308,8 +304,10 @@ class CameraClock:
         if seen[0]:
             self._weight += 1.0
             self._usual += max(1.0 / self._weight, SHIFT_SHARE) * (speed - self._usual)
-            if not self._shown or self._missed % 2:
-                self._astray = self._tried
+            if not self._shown:
+                found = float(azimuths[0]) - self._read(t)
+                near = not abs(found - estimate.shift) > ASTRAY
+                self._astray = math.nan if near else found
             self._missed, self._shown = 0, True
         else:
             self._missed += 1
@@ -360,6 +358,14 @@ class CameraClock:
         numbers = (estimate.offset, estimate.error) if known else (math.nan, math.nan)
         offset, error = (f"{number / MILLISECOND:.2f}" for number in numbers)
         return {"camera_clock_offset_ms": offset, "camera_clock_offset_error_ms": error}
+
+    @property
+    def _zero(self) -> float:
+        return self._astray if math.isfinite(self._astray) else self.estimate.shift
+
+    def _read(self, t: float) -> float:
+        """Return the encoder's angle when a frame stamped t [s] was exposed [rad]."""
+        return float(self._history.angles(np.array([t - self.estimate.offset]))[0])
 
 
 def _ahead(offset: float) -> str:

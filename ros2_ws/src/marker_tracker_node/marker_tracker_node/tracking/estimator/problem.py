@@ -202,8 +202,8 @@ class Problem:
         slopes[:, :, self._first_bias :] = self._bias
         explained = by[0] + self._bias @ x[self._first_bias :]
         off = self._goal - explained
-        # What lies behind the cylinder, or would with the next step, is not seen and explains nothing.
-        hidden = np.isnan(pairs).any(axis=(1, 2))
+        # What lies behind the cylinder, or a step on, is not seen and explains nothing.
+        hidden = np.isnan(by).any(axis=(0, 2))
         off[hidden], slopes[hidden] = _HIDDEN, 0.0
         return off, slopes
 

@@ -97,35 +97,11 @@ def expect_bands(
     marks = cable.marks
     count = marks.known.size
     for n in range(count):
+        azimuth = turned - marks.recent[n] + (lead if n == 0 else 0.0)
         expected.outcome[n] = OUT_OF_SIGHT
         expected.near[n] = expected.touching[n] = False
-        if not marks.known[n]:
-            continue
-        theta, z = marks.recent[n], marks.height[n]
-        azimuth = turned - theta
-        if n == 0:
-            azimuth += lead
-        elif azimuth < 0.0:
-            continue
-        away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-        beyond = abs(away) > setup.usable_azimuth
-        if beyond and (
-            abs(away) > setup.usable_azimuth + BAND_REACH or not _beside(setup, marks, n)
-        ):
-            continue
-        slope = corrected_height(cable, theta)[1]
-        azimuth += turned_since(setup, shutter, azimuth, z)
-        band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
-        band = guarded(setup, band, False, unknown_beside(setup, cable, theta))
-        expected.near[n] = True
-        expected.pixels[n] = predict_gate(setup, band, gates, n)
-        if not beyond:
-            expected.outcome[n] = gate_visibility(gates, n, gate_margin(setup), picture)
-            if covered_by_span(setup, cable, band, theta):
-                expected.outcome[n] = COVERED
-        expected.azimuth[n], expected.slope[n] = azimuth, slope
-        expected.low[n], expected.high[n] = band.low, band.high
-        expected.below[n], expected.above[n] = band.below, band.above
+        if marks.known[n] and (n == 0 or azimuth >= 0.0):
+            expect_band(picture, setup, shutter, cable, n, azimuth, gates, expected)
     for n in range(count):
         for m in range(n + 1, count):
             near = expected.near[n] and expected.near[m]
@@ -137,6 +113,39 @@ def expect_bands(
             _guard(setup, marks, n, not ahead, ahead, gates, expected)
             _guard(setup, marks, m, ahead, not ahead, gates, expected)
             separate_gates(gates, n, m)
+
+
+@called
+def expect_band(
+    picture: Picture,
+    setup: Setup,
+    shutter: Shutter,
+    cable: LaidCable,
+    n: int,
+    azimuth: float,
+    gates: Gates,
+    expected: Expected,
+) -> None:  # pragma: no cover
+    """Write where a known marker is expected at an azimuth [rad], and its gate; see above."""
+    marks = cable.marks
+    theta, z = marks.recent[n], marks.height[n]
+    away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
+    beyond = abs(away) > setup.usable_azimuth
+    if beyond and (abs(away) > setup.usable_azimuth + BAND_REACH or not _beside(setup, marks, n)):
+        return
+    slope = corrected_height(cable, theta)[1]
+    azimuth += turned_since(setup, shutter, azimuth, z)
+    band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
+    band = guarded(setup, band, False, unknown_beside(setup, cable, theta))
+    expected.near[n] = True
+    expected.pixels[n] = predict_gate(setup, band, gates, n)
+    if not beyond:
+        expected.outcome[n] = gate_visibility(gates, n, gate_margin(setup), picture)
+        if covered_by_span(setup, cable, band, theta):
+            expected.outcome[n] = COVERED
+    expected.azimuth[n], expected.slope[n] = azimuth, slope
+    expected.low[n], expected.high[n] = band.low, band.high
+    expected.below[n], expected.above[n] = band.below, band.above
 
 
 @called

@@ -15,6 +15,7 @@ from marker_tracker_node.detection.gate import (
     HIDDEN,
     NO_IDENTITY,
     NOTHING,
+    OUT_OF_SIGHT,
     PARTLY,
     TABLE_SIZE,
     Gates,
@@ -28,12 +29,14 @@ from marker_tracker_node.tracking.frame.acquisition import Scan, acquire_markers
 from marker_tracker_node.tracking.frame.expected_bands import (
     Expected,
     empty_expected,
+    expect_band,
     expect_bands,
     expected_band,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
     Shutter,
     predict_gate,
+    separate_gates,
     shutter_of,
     turned_since,
 )
@@ -58,6 +61,8 @@ ByteArray = NDArray[np.uint8]
 
 AREA_SHARE = 0.05
 JUMP_THETA = 0.12
+# P0 is sought beside its place in steps of this [rad]: a gate finds a band that is 0.1 rad away.
+BESIDE = 0.14
 REAIM = 0.4
 
 
@@ -87,8 +92,9 @@ def update_burst(
         candidates: Of CANDIDATE, shape (CANDIDATES,).
         paths: See `Tracks`, shape (2, PATH_SIZE).
         readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
-            [m], nan to expect the commanded feed, and how much further P0 is expected than encoder
-            and shift place it [rad], shape (4, k).
+            [m], nan to expect the commanded feed, how much further P0 is expected than encoder and
+            shift place it [rad], and how far beside that it is sought if it is not there [rad],
+            shape (5, k).
         angle: Receives that of each frame [rad], shape (k,).
         out: Receives what each frame yields, rows of SEEN, shape (k, markers).
     """
@@ -100,7 +106,7 @@ def update_burst(
         picture = Picture(frames[k], first, tables, colour_of)
         advance_machine(setup, run, paths, readings[0, k], readings[1, k], readings[2, k])
         judge_guide(setup, run, tracks.marks, paths)
-        _update_frame(picture, setup, run, readings[3, k], tracks, gates, expected, out, k)
+        _update_frame(picture, setup, run, readings[3:, k], tracks, gates, expected, out, k)
         angle[k] = run.cylinder.angle
 
 
@@ -109,7 +115,7 @@ def _update_frame(
     picture: Picture,
     setup: Setup,
     run: Run,
-    lead: float,
+    place: FloatArray,
     tracks: Tracks,
     gates: Gates,
     expected: Expected,
@@ -118,21 +124,29 @@ def _update_frame(
 ) -> None:  # pragma: no cover
     """Measure the known markers of frame k and look for the others.
 
-    The run is known at the frame as far as it is without looking; gates are those of the markers
-    and one more.
+    The run is known at the frame as far as it is without looking, `place` is that of P0 in the
+    last rows of `readings`; gates are those of the markers and one more.
     """
     marks, cylinder = tracks.marks, run.cylinder
     cable = laid_cable(tracks, run)
     count = marks.known.size
     turned = cylinder.angle + run.shift
     shutter = shutter_of(setup, cylinder.rate, picture.pixels.shape[0])
-    expect_bands(picture, setup, shutter, cable, turned, lead, gates, expected)
+    expect_bands(picture, setup, shutter, cable, turned, place[0], gates, expected)
     for n in range(count):
         # Neither out of sight nor clipped.
         if expected.outcome[n] == HIDDEN:
             expected.outcome[n] = _measure(
                 picture, setup, shutter, marks, gates, n, expected, out, k
             )
+    if marks.known[0] and not math.isfinite(out.azimuth[k, 0]):
+        first, step = turned - marks.recent[0] + place[0], 1
+        while abs(step) * BESIDE <= place[1]:
+            azimuth = first + step * BESIDE
+            expect_band(picture, setup, shutter, cable, 0, azimuth, gates, expected)
+            if _seen_beside(picture, setup, shutter, marks, gates, expected, out, k):
+                break
+            step = -step if step > 0 else 1 - step
     if cylinder.blind:
         nudge = phase_lock(marks, out.azimuth[k], turned)
         turned += nudge
@@ -153,6 +167,32 @@ def _update_frame(
         if marks.known.sum() > found:
             fit_offset(setup, run, marks, tracks.paths)
     write_results(setup, marks, expected.outcome, expected.touching, turned, out, k)
+
+
+@called
+def _seen_beside(
+    picture: Picture,
+    setup: Setup,
+    shutter: Shutter,
+    marks: Marks,
+    gates: Gates,
+    expected: Expected,
+    out: Output,
+    k: int,
+) -> bool:  # pragma: no cover
+    """Return whether P0 is seen where it is expected now, at its height and apart from others."""
+    if expected.outcome[0] != HIDDEN:
+        return False
+    for n in range(1, marks.known.size):
+        if expected.outcome[n] != OUT_OF_SIGHT:
+            separate_gates(gates, n, 0)
+    found = _measure(picture, setup, shutter, marks, gates, 0, expected, out, k)
+    beside = abs(out.seen_height[k, 0] - marks.height[0])
+    if found == HIDDEN or beside > 0.5 * setup.body.cable_radius:
+        out.azimuth[k, 0] = out.seen_height[k, 0] = math.nan
+        return False
+    expected.outcome[0] = found
+    return True
 
 
 @compiled
