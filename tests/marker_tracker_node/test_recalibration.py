@@ -14,6 +14,7 @@ from marker_tracker_node.tracking.estimator.correction import correction
 from marker_tracker_node.tracking.estimator.problem import Problem
 from marker_tracker_node.tracking.estimator.verdict import judged
 from winding_core.markers import MarkerFlag, Markers
+from winding_verification.tracker.filmed_runs import outcome
 from winding_verification.tracker.scenes import World
 from winding_verification.tracker.sightings import quick, sightings
 from winding_verification.tracker.wrong_numbers import WrongNumber
@@ -57,6 +58,34 @@ def test_a_wrong_number_leaves_the_markers_where_they_are(
     assert corrected == (name != "camera turned up")
     # One frame has more of what the mask has wrong than a run: up to 3 deviations.
     assert np.nanmax(off(published[-1], truth)) < 3.0
+
+
+@pytest.fixture(scope="module")
+def covered() -> tuple[World, list[np.ndarray]]:
+    """Return a run in which later turns leave P0 in sight for 0.4 rad of each lap."""
+    world = World.drawn(1001)
+    return world, world.frames(1001)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(
+    ("number", "size"),
+    [
+        ("encoder_scale", -0.02),
+        ("encoder_scale", 0.06),
+        ("encoder_scale", -0.06),
+        ("frame_times", -0.06),
+        ("camera_clock", -0.24),
+    ],
+)
+def test_a_p0_that_comes_round_beside_its_place_is_found(
+    covered: tuple[World, list[np.ndarray]], number: str, size: float
+) -> None:
+    world, frames = covered
+    found = outcome(world, frames, 1001, WrongNumber(number=number, size=size))
+    assert found.right
+    assert found.known == world.marker_count
+    assert found.far < 1.5  # required
 
 
 def steps(published: list[Markers]) -> tuple[float, float]:
