@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import cv2
@@ -103,7 +104,7 @@ class ColourModel:
         if background is not None and len(background):
             background = _pixels(background)
             scene = _density(background)
-            accepted &= _more_marker_than_background(_density(_exposed(samples)), scene)
+            accepted = accepted & _more_marker_than_background(_density(_exposed(samples)), scene)
             separation = 1.0 - float(accepted[colour_index(background)].mean())
         if not accepted[colour_index(samples)].mean() > 0.5:
             raise ColourRefusedError("samples cannot be distinguished from the background")
@@ -126,7 +127,7 @@ class ColourModel:
         """
         accepted = hue_region(hue, spread, self.min_saturation)
         if self.scene is not None:
-            accepted &= _more_marker_than_background(
+            accepted = accepted & _more_marker_than_background(
                 _density(_table_colours()[accepted]), self.scene
             )
         return replace(
@@ -218,16 +219,19 @@ def _table_colours() -> ByteArray:
     return np.stack([blue, green, red], axis=-1).reshape(-1, 3)
 
 
+@lru_cache(maxsize=64)
 def hue_region(hue: float, spread: float, min_saturation: float) -> NDArray[np.bool_]:
     """Return which colours of a table are saturated and around a hue [deg], shape (32768,)."""
-    colours = _table_colours()
-    h, s, v = hsv(colours)
-    return np.asarray(
+    h, s, v = hsv(_table_colours())
+    region = np.asarray(
         (np.abs(_hue_difference(h, hue)) <= spread)
         & (s >= min_saturation)
         & (v >= MIN_VALUE_LEVELS / 255.0),
         dtype=bool,
     )
+    # It is kept: a search asks for the same hues in every frame.
+    region.flags.writeable = False
+    return region
 
 
 def _more_marker_than_background(marker: FloatArray, scene: FloatArray) -> NDArray[np.bool_]:
