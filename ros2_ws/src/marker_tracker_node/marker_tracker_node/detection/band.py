@@ -109,11 +109,7 @@ def visible_arc(
 ) -> tuple[float, float]:  # pragma: no cover
     """Return between which angles around the section a band is seen [rad].
 
-    Args:
-        body: What the band is painted on.
-        band: With the turns beside it.
-        facing: Angle around the section that faces the camera [rad].
-        reach: How far to either side the cable alone is seen [rad].
+    The cable alone is seen as far as `reach` to either side of the angle that faces the camera.
     """
     first = max(facing - reach, band.low, -body.half_around)
     last = min(facing + reach, band.high, body.half_around)
@@ -205,15 +201,7 @@ def band_centroid(
 def solve_band(
     view: CameraView, body: Body, a: float, b: float, start: Band
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return azimuth [rad] and z [m] of the band whose centroid appears at a plane point.
-
-    Args:
-        view: The camera.
-        body: What the band is painted on.
-        a: Measured plane coordinate, dimensionless.
-        b: Measured plane coordinate, dimensionless.
-        start: Where to start.
-    """
+    """Return azimuth [rad] and z [m] of the band whose centroid appears at a plane point (a, b)."""
     seen_a, seen_b, _area = band_centroid(view, body, start)
     return solve_seen_band(view, body, (a, b), start, (seen_a, seen_b))
 
@@ -230,13 +218,6 @@ def solve_seen_band(
 
     The offset between centroid and centre line changes slowly, so a fixed point on it converges;
     from the second step on the secant of the last two takes the place of its slope.
-
-    Args:
-        view: The camera.
-        body: What the band is painted on.
-        measured: Plane coordinates, dimensionless.
-        start: Where to start.
-        seen: Plane coordinates of its centroid, dimensionless.
     """
     azimuth, z = start.azimuth, start.z
     a, b = measured

@@ -90,7 +90,7 @@ class ColourModel:
                 f"samples show many hues: spread {deviation:.0f} deg exceeds {MAX_HUE_SPREAD:.0f}"
             )
         lit_hue, _, _ = hsv(_exposed(samples))
-        shift = _hue_difference(lit_hue, centre)
+        shift = hue_difference(lit_hue, centre)
         near = np.abs(shift) < 3.0 * MAX_HUE_SPREAD
         low, high = np.percentile(shift[near], [2.0, 98.0])
         margin = max(HUE_FLOOR, min(HUE_SIGMAS * deviation, MAX_HUE_SPREAD))
@@ -145,7 +145,7 @@ class ColourModel:
         level = min(self.brightest + GLARE_STEP, CLIPPED_LEVEL)
         pale = (
             (colours.max(axis=1) >= level)
-            & (np.abs(_hue_difference(h, self.hue)) <= self.hue_spread)
+            & (np.abs(hue_difference(h, self.hue)) <= self.hue_spread)
             & (s >= GLARE_SATURATION)
         )
         white = colours.min(axis=1) >= WHITE_LEVEL
@@ -196,13 +196,14 @@ def _circular_middle(hue: FloatArray, saturation: FloatArray) -> tuple[float, fl
             float((saturation * np.sin(angle)).sum()), float((saturation * np.cos(angle)).sum())
         )
     )
-    difference = _hue_difference(hue, mean)
+    difference = hue_difference(hue, mean)
     middle = float(np.median(difference))
     deviation = 1.4826 * float(np.median(np.abs(difference - middle)))
     return (mean + middle) % 360.0, deviation
 
 
-def _hue_difference(hue: FloatArray, centre: float) -> FloatArray:
+def hue_difference(hue: FloatArray, centre: float) -> FloatArray:
+    """Return how far hues lie beyond another one [deg], within half a turn of zero."""
     return np.asarray((hue - centre + 180.0) % 360.0 - 180.0, dtype=float)
 
 
@@ -224,7 +225,7 @@ def hue_region(hue: float, spread: float, min_saturation: float) -> NDArray[np.b
     """Return which colours of a table are saturated and around a hue [deg], shape (32768,)."""
     h, s, v = hsv(_table_colours())
     region = np.asarray(
-        (np.abs(_hue_difference(h, hue)) <= spread)
+        (np.abs(hue_difference(h, hue)) <= spread)
         & (s >= min_saturation)
         & (v >= MIN_VALUE_LEVELS / 255.0),
         dtype=bool,
@@ -301,7 +302,7 @@ class Palette(NamedTuple):
         models = [first, *(first.of_hue(hue, tolerance) for hue in given[1:])]
         tables = np.array([model.table for model in models])
         table_hue, _, _ = hsv(_table_colours())
-        away = np.abs([_hue_difference(table_hue, model.hue) for model in models])
+        away = np.abs([hue_difference(table_hue, model.hue) for model in models])
         tables &= away == away.min(axis=0)
         glare = np.any([model.glare() > 0 for model in models], axis=0)
         every = tables.any(axis=0)

@@ -100,16 +100,9 @@ def fit_outline(
     band: Band,
     area: float,
 ) -> Fit:  # pragma: no cover
-    """Return where a band lies of which a part may be unknown.
+    """Return where a band lies of which a part may be unknown, expected in gate n.
 
-    Args:
-        picture: Frame and colours.
-        gates: Where to look.
-        n: Which of them.
-        view: The camera.
-        body: What the band is painted on.
-        band: As expected.
-        area: Measured over expected area where the whole band is seen (dimensionless).
+    Area is that measured over the expected one where the whole band is seen.
     """
     unknown = _count_unknown(picture, gates, n)
     if unknown < LEAST_UNKNOWN:

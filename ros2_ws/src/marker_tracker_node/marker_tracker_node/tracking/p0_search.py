@@ -193,12 +193,9 @@ class BandSearch:
         self._surely = 0.5 * float(law.z(config.expected_gap))
 
     def add(self, frame: ByteArray, setup: Setup, angle: float) -> MovingBand | None:
-        """Take a frame and return P0, once it is known which of the bands it is.
+        """Take a frame of shape (rows, columns, 3), at a reading of the encoder [rad].
 
-        Args:
-            frame: Shape (rows, columns, 3).
-            setup: Machine and camera.
-            angle: Reading of the encoder [rad].
+        Return P0, once it is known which of the bands it is.
         """
         if math.isnan(self._begun):
             self._begun = angle

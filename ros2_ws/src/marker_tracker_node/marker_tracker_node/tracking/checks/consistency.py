@@ -54,11 +54,7 @@ class RunChecks:
     ) -> bool:
         """Judge anew with every lap and a quarter more sightings; return whether that was done.
 
-        Args:
-            run: What was kept of it.
-            setup: Machine and camera.
-            state: Of the tracker.
-            seen: Makes of that what is explained.
+        What is explained is made by `seen`.
         """
         laps, rows = len(run.log.laps), len(run.log.sightings)
         if self._judged[0] == laps and rows <= _MORE * self._judged[1]:
@@ -141,12 +137,9 @@ def _found(log: SightingLog, lap: int) -> float:
 def _of_spacing(
     gaps: FloatArray, known: tuple[int, ...], between: tuple[int, ...]
 ) -> Contradiction | None:
-    """Judge the spacing by bands that have no number, numbers without a band, and gaps.
+    """Judge the spacing by markers before a band without a number, known markers, and gaps.
 
-    Args:
-        gaps: Wound angles between known neighbours over the expected one.
-        known: Numbers of the known markers after P0.
-        between: Numbers of the markers after which a band lies that has no number.
+    Gaps are wound angles between known neighbours over the expected one.
     """
     if between:
         pairs = ", ".join(f"P{n}" for n in between)

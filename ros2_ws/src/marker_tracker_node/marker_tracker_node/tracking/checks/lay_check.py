@@ -46,14 +46,7 @@ OVERDUE_GAPS = 1.3
 def judge_guide(
     setup: Setup, run: Run, marks: Marks, paths: FloatArray
 ) -> None:  # pragma: no cover
-    """Decide what is to be believed of the guide's readings.
-
-    Args:
-        setup: Machine and camera.
-        run: At this frame; belief of its guide written.
-        marks: The markers.
-        paths: See `Tracks`.
-    """
+    """Decide at a frame what the run believes of the guide's readings; paths as in `Tracks`."""
     guide, filled, angle = run.guide, run.path_filled, run.cylinder.angle
     turned = abs(guide.turned)
     if guide.belief >= CONTRADICTED or turned < JUDGED_AFTER:

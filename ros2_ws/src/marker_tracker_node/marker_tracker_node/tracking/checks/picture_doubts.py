@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.detection.colour import hsv
+from marker_tracker_node.detection.colour import hsv, hue_difference
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.p0_search import BandSearch
 from marker_tracker_node.tracking.state import Setup
@@ -63,12 +63,9 @@ class PictureDoubts:
         return abs(angle - self._last) > LEAP
 
     def add(self, frame: ByteArray, setup: Setup, angle: float) -> str:
-        """Take a frame; return what is wrong with the pictures, empty while that is not known.
+        """Take a frame of shape (rows, columns, 3), at a reading of the encoder [rad].
 
-        Args:
-            frame: Shape (rows, columns, 3).
-            setup: Machine and camera.
-            angle: Reading of the encoder [rad].
+        Return what is wrong with the pictures, empty while that is not known.
         """
         leaping = self.leaps(angle)
         self._last = angle
@@ -93,7 +90,7 @@ def colourless(frame: ByteArray, config: TrackerConfig) -> str:
         )
     hue, saturation, _ = hsv(frame[coloured])
     sought, off = config.marker_hue, config.marker_hue_tolerance
-    away = np.abs((hue - sought + 180.0) % 360.0 - 180.0)
+    away = np.abs(hue_difference(hue, sought))
     strong = saturation > STRONG
     if strong.sum() < COLOURED_SHARE * coloured.size or (away <= off).sum() >= 4:
         return ""

@@ -94,14 +94,6 @@ def marker_number(
     Among markers of several colours the nearest of its colour is meant: one of a colour of its
     own is known by that alone. A mark that names its marker is that one, if the order of winding
     allows it, and else no marker.
-
-    Args:
-        setup: Machine and camera.
-        marks: The markers.
-        colour_of: See `Palette`, shape (markers,).
-        theta: [rad]
-        colour: See `Picture`.
-        identity: See `Detection`.
     """
     count = marks.known.size
     if not marks.known[0]:
@@ -134,10 +126,7 @@ def marker_number(
 def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma: no cover
     """Measure a gathering of marker pixels as a band and remember it if it is one.
 
-    Args:
-        scan: What is sought where.
-        theta: Wound angle [rad].
-        shift: Of the pixels from the cable's middle along z [m].
+    It lies at a wound angle [rad], shifted along z from the cable's middle [m].
     """
     setup, gates, turned = scan.setup, scan.gates, scan.turned
     work = scan.outcome.size
@@ -297,12 +286,7 @@ def confirm_candidates(
 def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
     """Look where unknown markers may be; those that move with the cylinder become known.
 
-    Args:
-        scan: What is sought where.
-        shift: See `Run` [rad].
-
-    Returns:
-        The shift, measured from P0 where that has become known [rad].
+    Return the shift of a `Run` [rad], measured from P0 where that has become known.
     """
     marks, usable = scan.cable.marks, scan.setup.usable_azimuth
     starts, ends = _wanted_ranges(scan)

@@ -91,8 +91,8 @@ def expect_bands(
         cable: As laid at the frame.
         turned: Cylinder angle as the camera is expected to see it [rad].
         lead: How much further P0 is expected [rad].
-        gates: Receives the gates.
-        expected: Receives the rest.
+        gates: Written.
+        expected: Written.
     """
     marks = cable.marks
     count = marks.known.size

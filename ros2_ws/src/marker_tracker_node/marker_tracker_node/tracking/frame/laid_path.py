@@ -59,14 +59,9 @@ def laid_cable(tracks: Tracks, run: Run) -> LaidCable:  # pragma: no cover
 def extend_paths(
     setup: Setup, paths: FloatArray, run: Run, start: float, way: float
 ) -> None:  # pragma: no cover
-    """Lay the expected paths up to a cylinder angle: dz/dtheta = (z_guide - z) / lag.
+    """Lay the expected paths up to a frame: dz/dtheta = (z_guide - z) / lag.
 
-    Args:
-        setup: Machine and camera.
-        paths: See `Tracks`; written.
-        run: At this frame; its filled places are written.
-        start: Cylinder angle in the last frame [rad].
-        way: Of the guide in the last frame [m].
+    In the last frame the cylinder stood at `start` [rad], and the guide's way was `way` [m].
     """
     angle, guide, count = run.cylinder.angle, run.guide, run.path_filled
     share = 1.0 - math.exp(-PATH_STEP / setup.lag)
@@ -139,16 +134,7 @@ def corrected_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # 
 def band_beside_turns(
     setup: Setup, cable: LaidCable, azimuth: float, theta: float, z: float, slope: float
 ) -> Band:  # pragma: no cover
-    """Return a band with the turns of cable that lie beside it.
-
-    Args:
-        setup: Machine and camera.
-        cable: As laid so far.
-        azimuth: Of the band, unwrapped [rad].
-        theta: Of the band [rad].
-        z: Of the band [m].
-        slope: dz/dtheta there [m/rad].
-    """
+    """Return a band with the turns of cable that lie beside it; theta is its wound angle [rad]."""
     below, above = math.inf, math.inf
     lean = setup.body.rho / math.hypot(setup.body.rho, slope)
     diameter = 2.0 * setup.body.cable_radius
@@ -233,14 +219,7 @@ def beside_path(
 
 @called
 def fit_offset(setup: Setup, run: Run, marks: Marks, paths: FloatArray) -> None:  # pragma: no cover
-    """Fit the guide's offset to the known markers; shift the path of its readings by the change.
-
-    Args:
-        setup: Machine and camera.
-        run: Offset of its guide written.
-        marks: The markers.
-        paths: See `Tracks`; written.
-    """
+    """Fit the guide's offset to the known markers; shift the path of its readings by the change."""
     guide, filled = run.guide, run.path_filled
     if guide.belief != BY_READINGS or not marks.known[0]:
         return
