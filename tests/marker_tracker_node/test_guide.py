@@ -63,23 +63,24 @@ def film_of(case, guide, seed):
     return Film(case=case, lay=marked_lay(case, z), camera=camera, seed=seed)
 
 
-def wound(film, guide, read, **changes):
-    """A tracker that has followed a film until the last marker has come round once more.
+def wound(size, guide, seed, read=lambda angle, at: at, **changes):
+    """A film, and a tracker that has followed it until the last marker has come round once more.
 
     Args:
-        film: To follow.
+        size: Of cylinder and cable [mm].
         guide: Where it stands over GRID.
-        read: What is read of a position, given rotation and position.
+        seed: Of the film.
+        read: What is read of the guide, given rotation and position.
         changes: Of the tracker's configuration.
     """
+    film = film_of(sized(*size), guide, seed)
     tracker = film.tracker(expected_stretch=1.0, **changes)
-    dice = np.random.default_rng(film.seed)
+    dice = np.random.default_rng(seed)
     for t, angle in timed(film):
         at = float(np.interp(angle, GRID, guide))
-        frame = film.frame_at(angle, at)
         reading = read(angle, at) + dice.normal(0.0, 2.0e-5)
-        tracker.track(frame, t, angle, reading)
-    return tracker
+        tracker.track(film.frame_at(angle, at), t, angle, reading)
+    return film, tracker
 
 
 def timed(film):
@@ -97,9 +98,7 @@ def require_right(film, tracker):
 @pytest.mark.parametrize("name", FREE_OF_ITSELF)
 @pytest.mark.parametrize(("size", "seed"), [(SIZES[0], 1), (SIZES[2], 2), (SIZES[3], 3)])
 def test_a_guide_that_dwells_or_goes_back_is_followed(name, size, seed):
-    guide = FREE_OF_ITSELF[name]
-    film = film_of(sized(*size), guide, seed)
-    tracker = wound(film, guide, lambda angle, at: at + 0.4)
+    film, tracker = wound(size, FREE_OF_ITSELF[name], seed, lambda angle, at: at + 0.4)
     require_right(film, tracker)
     report = tracker.report()
     assert report.doubts == ()
@@ -109,8 +108,7 @@ def test_a_guide_that_dwells_or_goes_back_is_followed(name, size, seed):
 @pytest.mark.parametrize("offset", [17.0e-3, -21.0e-3, 15.5e-3, -0.34])
 @pytest.mark.parametrize(("size", "seed"), [(SIZES[1], 4), (SIZES[4], 5)])
 def test_the_zero_of_the_guide_does_not_matter(size, seed, offset):
-    film = film_of(sized(*size), STEADY, seed)
-    tracker = wound(film, STEADY, lambda angle, at: at + offset)
+    film, tracker = wound(size, STEADY, seed, lambda angle, at: at + offset)
     require_right(film, tracker)
     assert tracker.report().healthy
 
@@ -127,17 +125,13 @@ def test_the_zero_of_the_guide_does_not_matter(size, seed, offset):
     ],
 )
 def test_where_the_guide_stands_as_p0_lands_is_found_out_from_the_markers(size, lead):
-    guide = STEADY + lead
-    film = film_of(sized(*size), guide, 6)
-    tracker = wound(film, guide, lambda angle, at: at)
+    film, tracker = wound(size, STEADY + lead, 6)
     require_right(film, tracker)
     assert tracker.state.run.guide.offset == pytest.approx(lead, abs=1.0e-3)
 
 
 def test_markers_after_one_that_lies_on_p0s_turn_keep_their_numbers():
-    guide = STEADY - 10.0e-3
-    film = film_of(sized(60.0, 4.0), guide, 9)
-    tracker = wound(film, guide, lambda angle, at: at)
+    film, tracker = wound((60.0, 4.0), STEADY - 10.0e-3, 9)
     known = tracker.state.marks.known
     assert known[2:].all()
     estimates = tracker.estimates()["s"]
@@ -147,9 +141,7 @@ def test_markers_after_one_that_lies_on_p0s_turn_keep_their_numbers():
 
 @pytest.mark.parametrize("size", [SIZES[1], SIZES[3]])
 def test_a_guide_that_stands_behind_is_no_misplaced_camera(size):
-    guide = STEADY - 25.0e-3
-    film = film_of(sized(*size), guide, 10)
-    assert wound(film, guide, lambda angle, at: at).report().colour_refusal == ""
+    assert wound(size, STEADY - 25.0e-3, 10)[1].report().colour_refusal == ""
 
 
 @pytest.mark.parametrize(
@@ -167,8 +159,7 @@ def test_a_guide_that_stands_behind_is_no_misplaced_camera(size):
 def test_readings_that_the_markers_contradict_are_reported_and_not_believed(
     read, words, size, seed
 ):
-    film = film_of(sized(*size), STEADY, seed)
-    tracker = wound(film, STEADY, read)
+    film, tracker = wound(size, STEADY, seed, read)
     require_right(film, tracker)
     report = tracker.report()
     assert words in report.guide_doubt
@@ -186,10 +177,8 @@ def test_readings_in_millimetres_are_judged_before_a_marker_lands():
 
 
 def test_a_feed_towards_minus_z_is_followed():
-    case = sized(30.0, 4.0)
-    film = film_of(case, -STEADY, 11)
     # P3 and P4 lie beyond the picture.
-    tracker = wound(film, -STEADY, lambda angle, at: at, marker_count=2)
+    film, tracker = wound((30.0, 4.0), -STEADY, 11, marker_count=2)
     np.testing.assert_allclose(tracker.estimates()["s"][1:3], film.s[1:3], rtol=0.002)
     assert tracker.report().guide_doubt == ""
 
