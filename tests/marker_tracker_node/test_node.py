@@ -15,13 +15,13 @@ from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
 from winding_core.cable.cases import paper_case
 from winding_core.lay.records import LAY_DTYPE
-from winding_core.machine.readings import ImageWindow
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_core.status import Level
 from winding_rig_node.camera import CameraConfig
 from winding_rig_node.lay.known_lay import CableLay
+from winding_rig_node.ros.camera import reading_of
 from winding_ros import topics
-from winding_ros.messages.camera import CameraReading, encode_camera_info, encode_image
+from winding_ros.messages.camera import encode_camera_info, encode_image
 from winding_ros.messages.cdr import serialised
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.rig import encode_joint_state
@@ -53,19 +53,6 @@ class Bench:
         lay = CableLay(**path, marker_theta=np.array([0.0, 6.28]))
         self._film = Film(case=paper_case(4), lay=lay, seed=0)
 
-    def calibration(self) -> CameraReading:
-        content = self.camera.calibration()
-        x, y, width, height = content.roi
-        return CameraReading(
-            width=content.width,
-            height=content.height,
-            matrix=content.k,
-            distortion=content.d,
-            window=ImageWindow(
-                x_offset=x, y_offset=y, width=width, height=height, binning=content.binning
-            ),
-        )
-
     def frame(self, t: float) -> np.ndarray:
         return self._film.frame_at(*DRIVE.positions(t))
 
@@ -73,7 +60,7 @@ class Bench:
         self.joints.publish(encode_joint_state(t, axes(*DRIVE.positions(t))))
 
     def calibrate(self) -> None:
-        self.info.publish(encode_camera_info(0.0, self.calibration()))
+        self.info.publish(encode_camera_info(0.0, reading_of(self.camera.calibration())))
         self.ros.spin_until(lambda: self.node.tracker is not None)
 
 
@@ -160,7 +147,7 @@ def test_a_camera_of_another_hour_is_an_error_in_one_sentence(bench: Bench) -> N
 
 def test_the_lay_is_published_when_it_is_asked_for(bench: Bench) -> None:
     handler = TrackerHandler(TrackerParameters(case=4, measure_lay=True))
-    info = serialised(encode_camera_info(0.0, bench.calibration()))
+    info = serialised(encode_camera_info(0.0, reading_of(bench.camera.calibration())))
     answers = list(handler.take(topics.CAMERA_INFO, info))
     for index in range(3):
         t = index * 0.5

@@ -88,7 +88,7 @@ class Camera:
         self._renderer = Renderer(camera)
         self._paint = Paint(markers=tuple(paint_of_hue(hue) for hue in wanted.hues))
         self._exposures: queue.Queue[tuple[Exposure, int]] = queue.Queue(_FRAME_QUEUE)
-        self.calibration = _reading(camera.calibration())
+        self.calibration = reading_of(camera.calibration())
         self.faults = Faults()
         self.listener: FrameListener | None = None
         # The first picture compiles the renderer: before time runs, not within it.
@@ -189,7 +189,8 @@ def exposure_of(machine: Machine, lay: MotionLay | None) -> Exposure:
     )
 
 
-def _reading(calibration: CameraCalibration) -> CameraReading:
+def reading_of(calibration: CameraCalibration) -> CameraReading:
+    """Return what a CameraInfo says of a calibration."""
     x, y, width, height = calibration.roi
     return CameraReading(
         width=calibration.width,
