@@ -105,21 +105,23 @@ def surface_point(
 
 @called
 def visible_arc(
-    body: Body, band: Band, facing: float, reach: float
+    body: Body, band: Band, outwards: float, beside: float
 ) -> tuple[float, float]:  # pragma: no cover
     """Return between which angles around the section a band is seen [rad].
 
-    The cable alone is seen as far as `reach` to either side of the angle that faces the camera.
+    From the middle of the section the camera stands so far outwards, and to the +z side [m].
     """
+    r = body.cable_radius
+    facing = math.atan2(beside, outwards)
+    reach = math.acos(min(r / math.hypot(outwards, beside), 1.0))
     first = max(facing - reach, band.low, -body.half_around)
     last = min(facing + reach, band.high, body.half_around)
     # The turn on the camera's side stands before the part next to it.
-    beside = band.above if facing > 0.0 else band.below
-    r = body.cable_radius
-    if beside > HIDING_REACH * r:
+    away = band.above if facing > 0.0 else band.below
+    if away > HIDING_REACH * r:
         return first, last
-    edge = beside * math.cos(facing) / r - 1.0
-    nearer = beside * math.sin(abs(facing)) / r
+    edge = away * math.cos(facing) / r - 1.0
+    nearer = away * math.sin(abs(facing)) / r
     # A limb that lies behind the band's own surface ends nothing: there the two meet in a crease.
     if -1.0 < edge < 1.0 and nearer * nearer > 1.0 - edge * edge:
         hidden = abs(facing) + math.asin(edge)
@@ -156,9 +158,7 @@ def band_centroid(
         vx, vy, vz = view.x - cx, view.y - cy, view.z - cz
         along_e = vx * ex + vy * ey
         along_b = vx * bx + vy * by + vz * bz
-        facing = math.atan2(along_b, along_e)
-        reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
-        first, last = visible_arc(body, band, facing, reach)
+        first, last = visible_arc(body, band, along_e, along_b)
         if last <= first:
             continue
         # Seen from the camera the surface is its centre and so much of both directions.

@@ -169,9 +169,7 @@ def _draw(
     vx, vy, vz = view.x - x, view.y - y, view.z - z
     along_e = vx * ex + vy * ey
     along_b = (vy * ex - vx * ey) * band.slope / norm + vz * rho / norm
-    facing = math.atan2(along_b, along_e)
-    reach = math.acos(min(r / math.hypot(along_e, along_b), 1.0))
-    first, last = visible_arc(body, band, facing, reach)
+    first, last = visible_arc(body, band, along_e, along_b)
     way = half / norm
     for k in range(NODES):
         psi = first + (last - first) * k / (NODES - 1)
