@@ -214,7 +214,7 @@ def solve_seen_band(
     start: Band,
     seen: tuple[float, float],
 ) -> tuple[float, float]:  # pragma: no cover
-    """Return what `solve_band` does where it is known how the band to start from is seen.
+    """Return what `solve_band` does, [rad] and [m], if it is known how the start is seen.
 
     The offset between centroid and centre line changes slowly, so a fixed point on it converges;
     from the second step on the secant of the last two takes the place of its slope.
