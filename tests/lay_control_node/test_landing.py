@@ -36,6 +36,10 @@ class EvenHelix:
         """Return what is wanted at a wound angle [rad]."""
         return WantedPoint(z=SLOPE * theta, slope=SLOPE, curvature=0.0)
 
+    def slopes(self, theta: np.ndarray) -> np.ndarray:
+        """Return the same slope everywhere."""
+        return np.full(theta.shape, SLOPE)
+
 
 HELIX = EvenHelix()
 

@@ -33,6 +33,10 @@ class EvenHelix:
         """Return what is wanted at a wound angle [rad]."""
         return WantedPoint(z=ADVANCE * theta, slope=ADVANCE, curvature=0.0)
 
+    def slopes(self, theta: np.ndarray) -> np.ndarray:
+        """Return the same slope everywhere."""
+        return np.full(theta.shape, ADVANCE)
+
 
 def controller(*, patience: float = math.inf) -> LayController:
     """Return a controller of case 4 that drives the guide."""

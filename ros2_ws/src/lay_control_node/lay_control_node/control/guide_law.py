@@ -6,6 +6,9 @@ import math
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from lay_control_node.control.lay_filter import LayEstimate
 from lay_control_node.planning.guide_path import guide_path, within
 from lay_control_node.planning.limits import PlanLimits
@@ -13,6 +16,8 @@ from lay_control_node.planning.rounding import needed_width, width_without_slip
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.program import LayProgram
+
+Array = NDArray[np.float64]
 
 # Share of the bound of h'' by which a slope that makes up an error is planned to be taken back.
 _BRAKING_SHARE = 0.5
@@ -32,6 +37,10 @@ class WantedLay(Protocol):
 
     def at(self, theta: float) -> WantedPoint:
         """Return what is wanted at a wound angle [rad]."""
+        ...
+
+    def slopes(self, theta: Array) -> Array:
+        """Return dz/dtheta wanted at wound angles [rad], shape of the angles [m/rad]."""
         ...
 
 
@@ -118,6 +127,10 @@ class WantedProgram:
         """Return what is wanted at a wound angle [rad]."""
         z, slope, curvature = (float(self.line.at(theta, order)) for order in range(3))
         return WantedPoint(z=z, slope=slope, curvature=curvature)
+
+    def slopes(self, theta: Array) -> Array:
+        """Return dz/dtheta wanted at wound angles [rad], shape of the angles [m/rad]."""
+        return self.line.at(theta, 1)
 
 
 # Share of the acceleration with which an axis is planned to stop; the rest is reserve.

@@ -209,7 +209,7 @@ class LandingLaw:
     def _grid(self, theta: float, last: float) -> tuple[Array, Array]:
         """Return angles from one to another [rad] and dz/dtheta wanted there [m/rad]."""
         grid = np.linspace(theta, last, max(2, math.ceil((last - theta) / _STEP) + 1))
-        return grid, np.array([self._wanted.at(float(angle)).slope for angle in grid])
+        return grid, self._wanted.slopes(grid)
 
     def _laid(self, grid: Array, slope: Array, level: Array, estimate: StretchEstimate) -> Array:
         """Return the undeformed length laid from the first angle on [m], shape of the grid (n,)."""

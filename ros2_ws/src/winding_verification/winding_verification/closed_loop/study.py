@@ -186,7 +186,7 @@ def _within_reach(
     watching = control.controller(what, wanted, markers={1: 1.0}, mode=ControlMode.WATCH)
     assert watching.landing is not None
     theta = np.arange(_STEP, 2.0 * _FULL_TURN * (case.marker_count + 1), _STEP)
-    slope = np.array([wanted.at(float(angle)).slope for angle in theta])
+    slope = wanted.slopes(theta)
     tension = watching.stretch.estimate.tension(
         _MIDDLE_PULL * case.weight, case.centreline_radius * theta
     )
