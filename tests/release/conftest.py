@@ -48,17 +48,21 @@ def build(clone: Path, *, umask: int, zone: str) -> Build:
 
 
 @pytest.fixture(scope="session")
-def builds(tmp_path_factory: pytest.TempPathFactory) -> tuple[Build, Build]:
-    """Return two builds of one commit: other folder, second, mode mask and time zone."""
+def first_build(tmp_path_factory: pytest.TempPathFactory) -> Build:
+    """Return a build of the last commit."""
     if not (ROOT / ".git").exists():
         pytest.skip("releases are built from a git clone")
-    folder = tmp_path_factory.mktemp("release")
-    first = build(folder / "one", umask=0o022, zone="UTC")
+    return build(tmp_path_factory.mktemp("release") / "one", umask=0o022, zone="UTC")
+
+
+@pytest.fixture(scope="session")
+def builds(first_build: Build, tmp_path_factory: pytest.TempPathFactory) -> tuple[Build, Build]:
+    """Return two builds of one commit: other folder, second, mode mask and time zone."""
     began = int(time.time())
     while int(time.time()) == began:
         time.sleep(0.05)
-    (folder / "elsewhere").mkdir()
-    return first, build(folder / "elsewhere" / "two", umask=0o002, zone="Asia/Tokyo")
+    folder = tmp_path_factory.mktemp("elsewhere")
+    return first_build, build(folder / "two", umask=0o002, zone="Asia/Tokyo")
 
 
 @pytest.fixture(scope="session")

@@ -27,9 +27,9 @@ def test_two_clones_give_the_same_bytes(builds: Any) -> None:
     assert first.wheel.read_bytes() == second.wheel.read_bytes()
 
 
-def test_archives_bear_the_time_of_the_commit(builds: Any, run: Callable[..., str]) -> None:
+def test_archives_bear_the_time_of_the_commit(first_build: Any, run: Callable[..., str]) -> None:
     committed = int(run(["git", "log", "-1", "--format=%ct"], ROOT))
-    with tarfile.open(builds[0].archive) as archive:
+    with tarfile.open(first_build.archive) as archive:
         members = archive.getmembers()
     assert {member.mtime for member in members} == {committed}
     assert {(member.uid, member.gid, member.uname, member.gname) for member in members} == {
@@ -37,30 +37,32 @@ def test_archives_bear_the_time_of_the_commit(builds: Any, run: Callable[..., st
     }
     # A zip counts seconds by two.
     stamp = time.gmtime(committed)
-    with zipfile.ZipFile(builds[0].wheel) as wheel:
+    with zipfile.ZipFile(first_build.wheel) as wheel:
         assert {item.date_time for item in wheel.infolist()} == {
             (*stamp[:5], stamp.tm_sec // 2 * 2)
         }
 
 
 def test_the_source_archive_holds_every_committed_file(
-    builds: Any, run: Callable[..., str]
+    first_build: Any, run: Callable[..., str]
 ) -> None:
-    committed = set(run(["git", "ls-files"], builds[0].clone).splitlines())
-    with tarfile.open(builds[0].archive) as archive:
+    committed = set(run(["git", "ls-files"], first_build.clone).splitlines())
+    with tarfile.open(first_build.archive) as archive:
         held = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
     assert {name for name in held if not name.startswith(METADATA)} == committed | WRITTEN
 
 
-def test_the_wheel_holds_every_module_and_the_licence(builds: Any, run: Callable[..., str]) -> None:
-    source = builds[0].clone / "ros2_ws" / "src"
-    committed = run(["git", "ls-files", source], builds[0].clone).splitlines()
+def test_the_wheel_holds_every_module_and_the_licence(
+    first_build: Any, run: Callable[..., str]
+) -> None:
+    source = first_build.clone / "ros2_ws" / "src"
+    committed = run(["git", "ls-files", source], first_build.clone).splitlines()
     modules = {
         "/".join(path.split("/")[3:])
         for path in committed
         if len(path.split("/")) > 4 and path.split("/")[2] == path.split("/")[3]
     }
-    with zipfile.ZipFile(builds[0].wheel) as wheel:
+    with zipfile.ZipFile(first_build.wheel) as wheel:
         held = {name for name in wheel.namelist() if ".dist-info/" not in name}
         licences = [name for name in wheel.namelist() if name.endswith("licenses/LICENSE")]
     assert len(modules) > 300
@@ -68,8 +70,8 @@ def test_the_wheel_holds_every_module_and_the_licence(builds: Any, run: Callable
     assert len(licences) == 1
 
 
-def test_the_index_reads_a_description_without_relative_links(builds: Any) -> None:
-    with zipfile.ZipFile(builds[0].wheel) as wheel:
+def test_the_index_reads_a_description_without_relative_links(first_build: Any) -> None:
+    with zipfile.ZipFile(first_build.wheel) as wheel:
         (name,) = (name for name in wheel.namelist() if name.endswith("/METADATA"))
         metadata = wheel.read(name).decode()
     links = re.findall(r"\]\(([^)]+)\)", metadata)
@@ -78,7 +80,7 @@ def test_the_index_reads_a_description_without_relative_links(builds: Any) -> No
 
 
 def test_a_wheel_from_a_clone_is_the_one_from_the_source_archive(
-    builds: Any, run: Callable[..., str], tmp_path: Path
+    first_build: Any, run: Callable[..., str], tmp_path: Path
 ) -> None:
     committed = run(["git", "log", "-1", "--format=%ct"], ROOT).strip()
     clone = tmp_path / "clone"
@@ -90,4 +92,4 @@ def test_a_wheel_from_a_clone_is_the_one_from_the_source_archive(
         SOURCE_DATE_EPOCH=committed,
     )
     (wheel,) = tmp_path.glob("*.whl")
-    assert wheel.read_bytes() == builds[0].wheel.read_bytes()
+    assert wheel.read_bytes() == first_build.wheel.read_bytes()

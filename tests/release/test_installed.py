@@ -26,7 +26,7 @@ def environment(home: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def installed(
-    builds: Any, run: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
+    first_build: Any, run: Callable[..., str], tmp_path_factory: pytest.TempPathFactory
 ) -> Path:
     """Return an environment with the wheel and what a run needs, from the package index."""
     folder = tmp_path_factory.mktemp("installed") / "environment"
@@ -34,7 +34,7 @@ def installed(
     run(
         [
             folder / "bin" / "python", "-m", "pip", "install", "--quiet", "--no-compile",
-            "--constraint", ROOT / "constraints.txt", f"{builds[0].wheel}[ros]",
+            "--constraint", ROOT / "constraints.txt", f"{first_build.wheel}[ros]",
         ],
         folder,
         PYTHONPATH="",
@@ -142,9 +142,9 @@ def test_launch_file_transport_and_layouts_are_in_the_wheel(
 
 
 @pytest.fixture(scope="module")
-def text(builds: Any, run: Callable[..., str]) -> str:
+def text(first_build: Any, run: Callable[..., str]) -> str:
     """Return the list that is released with the wheel."""
-    folder = builds[0].wheel.parent
+    folder = first_build.wheel.parent
     run([ROOT / "release" / "sbom.sh", sys.executable, folder], ROOT, PYTHONPATH="")
     (written,) = folder.glob("*.cdx.json")
     return written.read_text(encoding="utf-8")
