@@ -33,6 +33,9 @@ ADVANCE = LayControlParameters().resolved().drive.advance_per_radian
 # the middle of what the pull reaches, and `winding plan` expects P1 within 2 % of a turn there.
 WANTED = {9: (1.012, 2.037, 3.068, 4.101), 11: (0.969, 1.944, 2.921, 3.899)}
 
+# Pictures and all, in the run's folder: 700 MB for a run that goes to its end.
+RECORDED = ("--bag", "bag")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Controlled:
@@ -73,7 +76,7 @@ def arguments(folder: Path, control: str, *further: object, case: int = 4) -> li
         str(word)
         for word in (
             *("run", "--case", case, "--control", control, "--truth", folder / "truth.json"),
-            *("--output", folder / "run", "--bag", folder / "bag", *further),
+            *("--output", folder / "run", *further),
         )
     ]
 
@@ -96,7 +99,7 @@ def driven(
     tmp_path_factory: pytest.TempPathFactory, wound: Callable[..., Controlled]
 ) -> Controlled:
     """Return a run that the controller drives until P2 has landed."""
-    return wound(tmp_path_factory.mktemp("driven"), "drive", "--duration-s", 9)
+    return wound(tmp_path_factory.mktemp("driven"), "drive", "--duration-s", 9, *RECORDED)
 
 
 def test_markers_land_on_the_wanted_helix(driven: Controlled) -> None:
@@ -136,7 +139,7 @@ def test_controller_predicts_where_the_cable_lands(driven: Controlled) -> None:
 
 
 def test_watching_commands_nothing(tmp_path: Path, wound: Callable[..., Controlled]) -> None:
-    watched = wound(tmp_path, "watch", "--duration-s", 2)
+    watched = wound(tmp_path, "watch", "--duration-s", 2, *RECORDED)
     assert watched.messages(topics.LAY_CONTROL_STATE)
     assert watched.messages(topics.JOINT_TARGETS) == []
     assert watched.messages(topics.TENSION_COMMAND) == []
@@ -164,7 +167,7 @@ def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
     errors = folder / "stderr"
     with errors.open("w") as stderr:
         process = subprocess.Popen(
-            [sys.executable, "-m", "winding_cli.cli", *arguments(folder, "drive")],
+            [sys.executable, "-m", "winding_cli.cli", *arguments(folder, "drive", *RECORDED)],
             cwd=folder,
             stdout=subprocess.DEVNULL,
             stderr=stderr,
