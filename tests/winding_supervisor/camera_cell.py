@@ -13,7 +13,7 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 from pictures import Pictures
 from sensor_cell import SensorCell, run_cell
@@ -22,6 +22,14 @@ from std_srvs.srv import Trigger
 
 from winding_ros.messages.camera import encode_camera_info, encode_image
 from winding_ros.messages.stamps import encode_stamp
+
+
+class Pause(NamedTuple):
+    """A while for which the machine stands."""
+
+    at: float  # Time of the programme [s]
+    length: float  # [s]
+    frames: bool  # Whether the camera goes on meanwhile
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,9 +46,7 @@ class Cell:
     loss: float = 0.0  # Share of joint states that is never published
     jitter: float = 0.0  # Longest delay of a joint state, in order [s]
     camera_offset: float = 0.0  # Of the camera's clock [s]
-    pause_at: float = 0.0  # Time of the programme at which the machine stands for a while [s]
-    pause: float = 0.0  # For how long [s]
-    frames_in_pause: bool = True  # Whether the camera goes on meanwhile
+    pauses: tuple[Pause, ...] = ()  # In which the machine stands, in order
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,20 +112,19 @@ class CellNode(SensorCell):
     def readings(self, motion: Motion, now: float) -> tuple[float, float]:
         """Return what the encoders of cylinder [rad] and carriage [m] read at wall time `now`."""
         sign = -1.0 if self.cell.reversed else 1.0
-        angle, way = self.drive.positions(self.programme_time(motion, now))
+        angle, way = self.drive.positions(self.programme(motion, now)[0])
         return motion.angle + sign * float(angle), motion.carriage + sign * float(way)
 
-    def programme_time(self, motion: Motion, now: float) -> float:
-        """Return how far the drive's programme has come at wall time `now` [s]."""
+    def programme(self, motion: Motion, now: float) -> tuple[float, Pause | None]:
+        """Return how far the programme has come at wall time `now` [s], and the pause it is in."""
         t = motion.time(now)
-        cell = self.cell
-        if not cell.pause or t < cell.pause_at:
-            return t
-        return max(cell.pause_at, t - cell.pause)
-
-    def paused(self, motion: Motion, now: float) -> bool:
-        cell = self.cell
-        return 0.0 <= motion.time(now) - cell.pause_at < cell.pause
+        for pause in self.cell.pauses:
+            if t < pause.at:
+                break
+            if t < pause.at + pause.length:
+                return pause.at, pause
+            t -= pause.length
+        return t, None
 
     def encode(self) -> None:
         cell = self.cell
@@ -127,8 +132,9 @@ class CellNode(SensorCell):
         for due in self.instants(1.0 / cell.joint_rate):
             motion = self.motion
             angle, carriage = self.readings(motion, due)
-            omega, feed = self.drive.speeds(self.programme_time(motion, due))
-            still = self.paused(motion, due) or not motion.goes_on(due)
+            t, pause = self.programme(motion, due)
+            omega, feed = self.drive.speeds(t)
+            still = pause is not None or not motion.goes_on(due)
             message = JointState(name=["carriage_joint", "cylinder_joint"])
             message.header.stamp = encode_stamp(due)
             message.position = [carriage, angle]
@@ -141,14 +147,16 @@ class CellNode(SensorCell):
     def photograph(self) -> None:
         cell = self.cell
         for due in self.instants(1.0 / cell.frame_rate):
-            motion = self.motion
-            if self.paused(motion, due) and not cell.frames_in_pause:
+            t, pause = self.programme(self.motion, due)
+            if pause is not None and not pause.frames:
                 continue
             stamp = due + cell.camera_offset
             self.infos.publish(encode_camera_info(stamp, self.pictures.calibration))
-            frame = self.pictures.at(self.programme_time(motion, due))
+            frame = self.pictures.at(t)
             self.images.publish(encode_image(stamp, frame))
 
 
 if __name__ == "__main__":
-    run_cell(lambda: CellNode(Cell(**json.loads(sys.argv[1]))))
+    odd = json.loads(sys.argv[1])
+    odd["pauses"] = tuple(Pause(*pause) for pause in odd.get("pauses", ()))
+    run_cell(lambda: CellNode(Cell(**odd)))

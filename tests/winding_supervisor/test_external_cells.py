@@ -34,12 +34,9 @@ NEAR = 2.0e-3
 # A record with one of these brings no measured length.
 UNSEEN = int(MarkerFlag.OCCLUDED | MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 REVERSED = ("--cylinder-scale", -1.0, "--carriage-scale", -1.0)
-# P1 and then P2 are in view; lengths are means over all frames, so one frame of another turn shows.
-PAUSES = [
-    {"pause_at": 5.0 if frames else 6.1, "pause": pause, "frames_in_pause": frames}
-    for pause in (0.5, 3.0, 30.0)
-    for frames in (True, False)
-]
+# Pauses with frames while P1 is in view, and without while P2 is; lengths are means over all
+# frames, so one frame of another turn shows.
+PAUSES = [{"pauses": [(5.0, pause, True), (6.1, pause, False)]} for pause in (0.5, 3.0, 30.0)]
 CORRECTED = ("--camera-clock-correction", "--camera-clock-limit-ms", 300)
 COMMANDED_CELL = Path(__file__).with_name("commanded_cell.py")
 ADVANCE = LayControlParameters().resolved().drive.advance_per_radian
@@ -139,10 +136,7 @@ def test_the_trace_follows_frames_whose_stamps_are_ahead_of_their_exposure(
 # At a steady speed the offset is hidden in the shift of P0; what it hides comes out at standstill.
 @pytest.mark.parametrize(
     "cell",
-    [
-        {"camera_offset": offset, "pause_at": 6.1, "pause": 3.0, "frames_in_pause": True}
-        for offset in (0.05, -0.05)
-    ],
+    [{"camera_offset": offset, "pauses": [(6.1, 3.0, True)]} for offset in (0.05, -0.05)],
     indirect=True,
     ids=str,
 )
