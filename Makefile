@@ -78,7 +78,7 @@ leg: $(SHORT) kernels
 campaign: $(WHOLE) kernels
 	failed=0; \
 	    $(BIN)/python -m pytest -n 2 --dist worksteal -m "campaign and not processes" $(COUNT) || failed=1; \
-	    $(BIN)/python -m pytest -n 2 --dist loadfile -m "campaign and processes" $(COUNT) || failed=1; \
+	    $(BIN)/python -m pytest -n 2 --dist worksteal -m "campaign and processes" $(COUNT) || failed=1; \
 	    exit $$failed
 
 # Every test once more with its lines counted, which costs a quarter more time; fails below
