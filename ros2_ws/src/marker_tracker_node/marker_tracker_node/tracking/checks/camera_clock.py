@@ -253,8 +253,9 @@ class CameraClock:
         # Mean speed at which the tracker's shift was measured, and its weight in frames.
         self._usual = 0.0
         self._weight = 0.0
-        # By how much faster the cylinder was in the frames of each run mean [rad/s], and theirs.
-        self._faster, self._weights = np.zeros((2, config.marker_count + 1))
+        # Of each run mean: the share of its frames without P0, their speed [rad/s] times that, and
+        # the weight of all.
+        self._apart, self._speeds, self._weights = np.zeros((3, config.marker_count + 1))
         self._strayed = 0.0
         # Frames since P0 was seen, the lap that passes, and whether it has shown P0.
         self._missed, self._lap, self._shown = 0, 0, False
@@ -311,11 +312,14 @@ class CameraClock:
             self._missed, self._shown = 0, True
         else:
             self._missed += 1
-        faster = 0.0 if seen[0] else speed - self._usual
-        trust = 1.0 if seen[0] else ENCODER_TRUST
+        apart, trust = (0.0, 1.0) if seen[0] else (1.0, ENCODER_TRUST)
         self._weights[seen] = np.minimum(self._weights[seen] + trust, MEMORY)
-        self._faster[seen] += trust / self._weights[seen] * (faster - self._faster[seen])
-        rates = np.abs(np.where(seen, faster, self._faster))
+        part = trust / np.maximum(self._weights[seen], trust)
+        self._apart[seen] += part * (apart - self._apart[seen])
+        self._speeds[seen] += part * (apart * speed - self._speeds[seen])
+        usual = self._usual if self._weight else speed
+        means = self._speeds - self._apart * usual
+        rates = np.abs(np.where(seen, apart * (speed - usual), means))
         error = min(estimate.error, self.settings.limit)
         self.doubt = math.hypot(error, 0.0 if self.applied else estimate.offset) * rates
         if not estimate.known:
