@@ -88,6 +88,16 @@ def test_a_p0_that_comes_round_beside_its_place_is_found(
     assert found.far < 1.5  # required
 
 
+@pytest.mark.campaign
+def test_a_turn_that_a_late_pass_gives_forgets_no_marker() -> None:
+    # One lap lies between the markers: sought anew in the third, they changed places.
+    wrong = WrongNumber(number="guide_offset", size=0.009)
+    world = replace(World.drawn(1021), landing=wrong.landing())
+    found = outcome(world, world.frames(1021), 1021, wrong)
+    assert found.known == world.marker_count
+    assert found.far < 5.0  # required
+
+
 def steps(published: list[Markers]) -> tuple[float, float]:
     """Return the largest step between frames of what was seen, and the way of P1, in sigma."""
     largest, way = 0.0, []

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from marker_tracker_node.lay import lay_follower
 from marker_tracker_node.ros.camera_port import Camera, CameraError, CameraPort
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from marker_tracker_node.tracking.tracker import Tracker, warm_up
+from marker_tracker_node.tracking.tracker import Tracker
+from marker_tracker_node.warm_up import warm_up
 from winding_core.status import Level, Status
 from winding_ros import graph, topics
 from winding_ros.runtime.managed_node import ManagedNode
@@ -41,9 +41,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
         """Read the machine's description; subscribe."""
         self._handler = TrackerHandler(self.configuration)
         # The first frame compiles the kernels: before time runs, not within it.
-        warm_up(self._handler.config)
-        if self.configuration.measure_lay:
-            lay_follower.warm_up(self._handler.config)
+        warm_up(self._handler.config, lay=self.configuration.measure_lay)
         self.endpoints.connect(self._handler, busy=self._busy)
 
     def activate(self) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -113,11 +113,6 @@ class PinholeCamera:
     roi: tuple[int, int, int, int] = (0, 0, 0, 0)
     binning: int = 1  # Raw pixels per image pixel; zero counts as one
     distortion_model: str = PLUMB_BOB  # "plumb_bob"
-
-    @classmethod
-    def from_info(cls, **fields: Any) -> PinholeCamera:
-        """Return the camera of these fields."""
-        return cls(**fields)
 
     def __post_init__(self) -> None:
         whole = (0, 0, self.width, self.height)

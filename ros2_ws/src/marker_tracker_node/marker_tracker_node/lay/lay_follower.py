@@ -6,13 +6,10 @@ import csv
 import math
 from pathlib import Path
 
-import numpy as np
-
-from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
+from marker_tracker_node.camera.pinhole import CameraPose
 from marker_tracker_node.lay.config import KNOWN, LayConfig
 from marker_tracker_node.lay.lay_tracker import LayReading, LayTracker
 from marker_tracker_node.lay.report import LayReport
-from marker_tracker_node.lay.turn_map import TurnMap
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.refinement import PoseBelief
 from marker_tracker_node.tracking.synchronised_tracker import PairedFrame
@@ -44,10 +41,10 @@ class LayFollower:
         """Take a frame that a tracker has just measured."""
         if pair.cylinder_angle is None or pair.frame.shape[:2] != tracker.camera.shape:
             return
-        begun = (tracker, tracker.beginnings, tracker.pose)
+        begun = (tracker, tracker.beginnings, tracker.begun)
         if self.lay is None or begun != self._begun:
             self.lay = LayTracker(
-                lay_config(tracker.config, tracker.pose, self._belief), tracker.camera
+                lay_config(tracker.config, tracker.begun, self._belief), tracker.camera
             )
             self._begun = begun
         self.lay.anchored = tracker.zeroed
@@ -65,18 +62,6 @@ def lay_config(config: TrackerConfig, pose: CameraPose, belief: PoseBelief = KNO
         pose=pose,
         belief=belief,
     )
-
-
-def warm_up(config: TrackerConfig) -> None:
-    """Measure one black picture of a plain camera and forget it: that compiles the kernels."""
-    matrix = np.array([[900.0, 0.0, 32.0], [0.0, 900.0, 24.0], [0.0, 0.0, 1.0]])
-    camera = PinholeCamera.from_info(width=64, height=48, k=matrix, d=np.zeros(5))
-    # Wherever the real one stands, this one looks at the contact line.
-    pose = CameraPose()
-    black = np.zeros((48, 64, 3), dtype=np.uint8)
-    LayTracker(lay_config(config, pose), camera).take(black, LayReading(cylinder_angle=0.0))
-    # A black picture shows no cable; where there is some, Python asks the map.
-    TurnMap().near(0.0, 0.1, 0.0)
 
 
 def write_lay(path: Path, report: LayReport) -> None:

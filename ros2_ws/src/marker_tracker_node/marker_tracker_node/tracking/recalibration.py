@@ -32,10 +32,36 @@ _RECENT, _SPEED_ROWS = 512, 10
 _BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
 
 
+def turned(marks: Marks, errors: FloatArray, setups: tuple[Setup, Setup]) -> Correction:
+    """Return where a turn of the camera, found in P0 alone, puts the markers.
+
+    Args:
+        marks: The markers.
+        errors: By how much each of `NUMBERS` is set too large, shape (numbers,).
+        setups: With which was measured, and with which it is from now on.
+    """
+    known = np.flatnonzero(marks.known)
+    bands = np.tile([0.0, 0.0, 0.0, -math.pi, math.pi, math.inf, math.inf], (known.size, 1))
+    bands[:, 1] = marks.height[known]
+    azimuth, z = _seen(bands, *setups).T
+    return Correction(
+        carried=False,
+        posed=True,
+        errors=errors,
+        markers=known,
+        theta=marks.theta[known] - azimuth + azimuth[0],
+        z=z - z[0],
+        doubt=np.array([marks.doubt_theta[known], marks.doubt_height[known]]),
+        unexplained=known[:0],
+        area=0.0,
+    )
+
+
 class Recalibration:
     """What is corrected of the configured numbers, and what that has changed.
 
     Attributes:
+        begun: With which the run began; None while that is measured with.
         made: Whether anything is corrected.
         posed: Whether the camera's pose alone may explain it.
         errors: By how much each of `NUMBERS` is taken to be set too large, shape (numbers,).
@@ -50,7 +76,7 @@ class Recalibration:
         self.errors, self.change = np.zeros(COUNT), np.zeros((2, markers))
         self.moved = self.ahead = self.area = 0.0
         self.made, self.posed = False, True
-        self._begun: Setup | None = None
+        self.begun: Setup | None = None
 
     @property
     def remark(self) -> str:
@@ -99,9 +125,9 @@ class Recalibration:
             rows: Of SEEN, shape (k,).
             setup: With which they were measured.
         """
-        if self._begun is None:
+        if self.begun is None:
             return np.column_stack([rows[name] for name in _BAND[:2]])
-        return _seen(_bands(rows), setup, self._begun)
+        return _seen(_bands(rows), setup, self.begun)
 
     def make(
         self,
@@ -121,7 +147,7 @@ class Recalibration:
             setups: With which was measured, and with which it is from now on.
         """
         marks, cylinder = state.marks, state.run.cylinder
-        self._begun = self._begun or setups[0]
+        self.begun = self.begun or setups[0]
         self.change[:, found.markers] += [found.theta, found.z] - _places(marks, found)
         self.moved += _measure_again(log.sightings, *setups)
         factors = (1.0 + self.errors) / (1.0 + found.errors)

@@ -9,29 +9,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
-from marker_tracker_node.detection.band import Band, solve_band
 from marker_tracker_node.detection.colour import ColourModel
-from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.checks.consistency import RunChecks
 from marker_tracker_node.tracking.checks.lay_check import guide_doubt, missing_markers
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.estimator.configured import (
-    body_without,
-    camera_without,
-    pose_without,
-)
-from marker_tracker_node.tracking.estimator.pictures import band_pictures, seen_again
+from marker_tracker_node.tracking.estimator import configured
+from marker_tracker_node.tracking.estimator.correction import Correction
+from marker_tracker_node.tracking.estimator.numbers import COUNT, TILT
 from marker_tracker_node.tracking.estimator.problem import Seen
 from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.frame.frame_update import update_burst
-from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.frame.run_means import mean_variances
 from marker_tracker_node.tracking.machine_motion import MotionBefore
-from marker_tracker_node.tracking.recalibration import Recalibration
+from marker_tracker_node.tracking.recalibration import Recalibration, turned
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_start import RunStart
 from marker_tracker_node.tracking.sightings import Sightings
-from marker_tracker_node.tracking.state import Burst, TrackerState, fixed_numbers
+from marker_tracker_node.tracking.state import Burst, Setup, TrackerState, fixed_numbers
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 FloatArray = NDArray[np.float64]
@@ -109,13 +103,18 @@ class Tracker:
     def pose(self) -> CameraPose:
         """The camera's pose: turned until P0 stands where it must, or as it is corrected."""
         if self._numbers.made:
-            return pose_without(self.config.pose, self._numbers.errors)
+            return configured.pose_without(self.config.pose, self._numbers.errors)
+        return self.begun
+
+    @property
+    def begun(self) -> CameraPose:
+        """The pose that P0 has given, without what the estimator corrects."""
         return self._start.zero.pose
 
     @property
     def lens(self) -> PinholeCamera:
         """The camera with its focal length as it is corrected."""
-        return camera_without(self.camera, self._numbers.errors)
+        return configured.camera_without(self.camera, self._numbers.errors)
 
     @property
     def zeroed(self) -> bool:
@@ -168,12 +167,12 @@ class Tracker:
             np.array([[t], [angle - self.origin], [guide], [lead], [beside]]),
         )
         self.seen = out.rows["azimuth"][0]
-        if self._numbers.made:
+        if self._numbers.begun is not None:
             self.seen = self._numbers.as_begun(out.rows[0], self._setup)[:, 0]
         if not self._start.done:
             self._motion.add(t, angle, guide)
             if self._start.saw(t, out):
-                self._begin_anew()
+                self._turn_camera()
         records: Markers = self._records(out)[0]
         return records
 
@@ -307,16 +306,29 @@ class Tracker:
         if found is None or not (done and self._start.proven):
             return
         if self._numbers.changes(found, marks):
-            old, config = self._setup, self.config
-            camera = camera_without(self.camera, found.errors)
-            setup = config.setup(camera.view(pose_without(config.pose, found.errors)))
-            self._setup = setup._replace(body=body_without(config.body, found.errors))
-            self._fixed = fixed_numbers(self._setup)
-            memory, setups = self._memory or [], (old, self._setup)
-            self._numbers.make(found, self.state, self._evidence.log, memory, setups)
-            self.state.candidate_rows["hits"] = 0
+            self._recalibrate(found, self._without(found.errors))
             self._start.posed = True
         marks.doubt_theta[found.markers], marks.doubt_height[found.markers] = found.doubt
+
+    def _turn_camera(self) -> None:
+        """Measure with the pose that a pass of P0 has given."""
+        errors = np.zeros(COUNT)
+        errors[TILT : TILT + 6] = self.config.pose.numbers - self.pose.numbers
+        setup = self._without(errors)
+        self._recalibrate(turned(self.state.marks, errors, (self._setup, setup)), setup)
+
+    def _without(self, errors: FloatArray) -> Setup:
+        """Return machine and camera without errors of their numbers, shape (numbers,)."""
+        camera, config = configured.camera_without(self.camera, errors), self.config
+        setup = config.setup(camera.view(configured.pose_without(config.pose, errors)))
+        return setup._replace(body=configured.body_without(config.body, errors))
+
+    def _recalibrate(self, found: Correction, setup: Setup) -> None:
+        """Measure with other numbers from now on, and take what was measured as they have it."""
+        old, self._setup = self._setup, setup
+        self._fixed = fixed_numbers(setup)
+        self._numbers.make(found, self.state, self._evidence.log, self._memory or [], (old, setup))
+        self.state.candidate_rows["hits"] = 0
 
     def _seen(self) -> Seen:
         """Return what the estimator explains."""
@@ -326,7 +338,7 @@ class Tracker:
             rows=self._evidence.log.sightings,
             motion=self._evidence.log.motion,
             area=float(np.median(np.log(area))) + self._numbers.area if area.size else math.nan,
-            begun=self._start.zero.pose,
+            begun=self.begun,
             without=self._numbers.errors,
             zeroed=self.origin == 0.0,
             camera=self.camera,
@@ -425,18 +437,3 @@ class Tracker:
 def _believed(value: float | None, most: float) -> float:
     """Return a reading, or nan where there is none that a machine could give."""
     return float(value) if value is not None and abs(value) <= most else math.nan
-
-
-def warm_up(config: TrackerConfig) -> None:
-    """Track one black picture of a plain camera and forget it."""
-    matrix = np.array([[900.0, 0.0, 32.0], [0.0, 900.0, 24.0], [0.0, 0.0, 1.0]])
-    camera = PinholeCamera.from_info(width=64, height=48, k=matrix, d=np.zeros(5))
-    # The search for P0 asks from Python.
-    solve_band(camera.view(config.pose), config.body, 0.0, 0.0, Band(0.5, 0.0, 0.0))
-    frame = np.zeros((48, 64, 3), dtype=np.uint8)
-    Tracker(config, camera).track(frame, 0.0, 0.0, 0.0)
-    setup = config.setup(camera.view(config.pose))
-    band_pictures(setup.camera, setup.body, np.zeros((1, 7)))
-    seen_again(setup.camera, setup.body, setup.camera, setup.body, np.zeros((1, 7)))
-    # P0's place is asked from Python, once it is in sight.
-    predict_gate(setup, Band(azimuth=0.0, z=0.0, slope=0.0), empty_gates(1), 0)
