@@ -181,14 +181,13 @@ def _colour_in_gate(picture: Picture, gates: Gates, n: int) -> int:  # pragma: n
 
 @called
 def _is_first(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
-    """Return whether a band at a height [m] is P0, which was not seen where it was expected."""
+    """Return whether a band at a height [m] is P0 come round, not seen where it was expected."""
     marks = scan.cable.marks
-    if not marks.known[0] or scan.outcome[0] in (MEASURED, PARTLY):
+    lap = round(theta / (2.0 * math.pi))
+    if lap == 0 or not marks.known[0] or scan.outcome[0] in (MEASURED, PARTLY):
         return False
-    away = theta - marks.theta[0]
-    away -= 2.0 * math.pi * round(away / (2.0 * math.pi))
-    beside = abs(z - marks.height[0])
-    return bool(abs(away) < ASTRAY and beside < 0.5 * scan.setup.body.cable_radius)
+    away, beside = theta - 2.0 * math.pi * lap, z - marks.height[0]
+    return bool(abs(away) < ASTRAY and abs(beside) < 0.5 * scan.setup.body.cable_radius)
 
 
 @called
