@@ -9,20 +9,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.context import Context
 from sensor_msgs.msg import CameraInfo
 
 from winding_ros import topics
 from winding_ros.messages.camera import encode_image, encode_preview
 from winding_ros.messages.cdr import serialised
 from winding_ros.messages.stamps import STAMP, stamp_parts, with_stamp
-
-if TYPE_CHECKING:
-    from marker_tracker_node.node import MarkerTrackerNode
+from winding_ros.runtime.endpoints import Endpoints
 
 # Time between two of the frames that are published as well, for recorder and operator [s]; stamps
 # are seconds in binary.
@@ -36,6 +35,23 @@ class CameraError(ValueError):
     """A camera cannot be used."""
 
 
+class FrameTracker(Protocol):
+    """The node that tracks what the port takes."""
+
+    context: Context
+    endpoints: Endpoints
+    active: bool
+
+    def take_calibration(self, info: bytes) -> None:
+        """Take a CameraInfo in CDR bytes."""
+
+    def take_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+        """Take a frame, shape (rows, columns, 3), of time t [s]."""
+
+    def fail(self, error: Exception) -> None:
+        """End the process with an error."""
+
+
 class CameraPort:
     """What a camera in the tracker's process hands its frames to, from any one thread.
 
@@ -43,7 +59,7 @@ class CameraPort:
         context: Of rclpy, for nodes of the camera's own.
     """
 
-    def __init__(self, node: MarkerTrackerNode) -> None:
+    def __init__(self, node: FrameTracker) -> None:
         self._node = node
         self._info = b""
         self._next = -np.inf
