@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import Gates, empty_gates, gate_columns, table_index
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
-from marker_tracker_node.tracking.frame.laid_path import LaidCable, corrected_height
+from marker_tracker_node.tracking.frame.laid_path import LaidCable, corrected_height, path_height
 from marker_tracker_node.tracking.p0_search import WHOLE_ENOUGH
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import (
@@ -190,7 +190,7 @@ def _band_share(
 
     That is in shares of its area; nan outside of the picture, inf beside a marker.
     """
-    z, slope = corrected_height(cable, theta)
+    z, slope = corrected_height(cable, theta)[0], path_height(cable, theta)[1]
     reach, marks = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin, cable.marks
     for m in range(marks.known.size):
         away = marks.theta[m] - theta
