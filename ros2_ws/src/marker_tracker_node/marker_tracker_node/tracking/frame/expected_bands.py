@@ -100,7 +100,8 @@ def expect_bands(
         azimuth = turned - marks.recent[n] + (lead if n == 0 else 0.0)
         expected.outcome[n] = OUT_OF_SIGHT
         expected.near[n] = expected.touching[n] = False
-        if marks.known[n] and (n == 0 or azimuth >= 0.0):
+        wound = marks.known[n] and (n == 0 or azimuth >= 0.0)
+        if wound and abs(_away(azimuth)) <= setup.usable_azimuth + BAND_REACH:
             expect_band(picture, setup, shutter, cable, n, azimuth, gates, expected)
     for n in range(count):
         for m in range(n + 1, count):
@@ -129,9 +130,8 @@ def expect_band(
     """Write where a known marker is expected at an azimuth [rad], and its gate; see above."""
     marks = cable.marks
     theta, z = marks.recent[n], marks.height[n]
-    away = azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-    beyond = abs(away) > setup.usable_azimuth
-    if beyond and (abs(away) > setup.usable_azimuth + BAND_REACH or not _beside(setup, marks, n)):
+    beyond = abs(_away(azimuth)) > setup.usable_azimuth
+    if beyond and not _beside(setup, marks, n):
         return
     slope = corrected_height(cable, theta)[1]
     azimuth += turned_since(setup, shutter, azimuth, z)
@@ -146,6 +146,12 @@ def expect_band(
     expected.azimuth[n], expected.slope[n] = azimuth, slope
     expected.low[n], expected.high[n] = band.low, band.high
     expected.below[n], expected.above[n] = band.below, band.above
+
+
+@called
+def _away(azimuth: float) -> float:  # pragma: no cover
+    """Return an azimuth [rad] without its whole turns."""
+    return azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
 
 
 @called
