@@ -261,7 +261,7 @@ class Tracker:
         if numbers.posed:
             # What `refine` finds is what is left of the pose with which the run began.
             places = numbers.as_begun(measured, self._setup)
-            pose, without = self._start.zero.pose, np.zeros_like(numbers.errors)
+            pose, without = self.begun, np.zeros_like(numbers.errors)
         else:
             places = np.column_stack([measured["azimuth"], measured["seen_height"]])
             pose, without = self.pose, numbers.errors

@@ -53,9 +53,9 @@ MOTION_SIGMA = NUMBERS[FOCAL].doubt
 _LEAST = 1.0e-9
 # In a lap that has not shown P0 it is sought so far beside where it is expected [rad]: encoder or
 # times are wrong by up to 7 %, and half a radian farther the estimator would have it hidden.
-BESIDE = 0.45
+SEEK_REACH = 0.45
 # Where it is found farther off than a gate reaches, it is followed from there [rad].
-ASTRAY = 0.1
+GATE_REACH = 0.1
 TURN = 2.0 * math.pi
 # A length may be wrong by this share because of the clock.
 LENGTH_SHARE = 0.002
@@ -287,7 +287,7 @@ class CameraClock:
     @property
     def beside(self) -> float:
         """How far beside its place P0 is sought [rad]."""
-        return BESIDE if self._missed and not self._shown else 0.0
+        return SEEK_REACH if self._missed and not self._shown else 0.0
 
     def take(self, t: float, azimuths: FloatArray) -> None:
         """Take what was seen in a frame that had a reading.
@@ -307,7 +307,7 @@ class CameraClock:
             self._usual += max(1.0 / self._weight, SHIFT_SHARE) * (speed - self._usual)
             if not self._shown:
                 found = float(azimuths[0]) - self._read(t)
-                near = not abs(found - estimate.shift) > ASTRAY
+                near = not abs(found - estimate.shift) > GATE_REACH
                 self._astray = math.nan if near else found
             self._missed, self._shown = 0, True
         else:
@@ -323,6 +323,7 @@ class CameraClock:
         error = min(estimate.error, self.settings.limit)
         self.doubt = math.hypot(error, 0.0 if self.applied else estimate.offset) * rates
         if not estimate.known:
+            # Half of what lengths may be wrong by may stay unknown.
             self.doubt[self.doubt > 0.5 * self._tolerance] = math.inf
 
     def stray(self, lead: float) -> None:

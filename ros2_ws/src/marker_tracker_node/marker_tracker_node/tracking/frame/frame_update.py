@@ -62,7 +62,7 @@ ByteArray = NDArray[np.uint8]
 AREA_SHARE = 0.05
 JUMP_THETA = 0.12
 # P0 is sought beside its place in steps of this [rad]: a gate finds a band that is 0.1 rad away.
-BESIDE = 0.14
+SEEK_STEP = 0.14
 REAIM = 0.4
 
 
@@ -141,8 +141,8 @@ def _update_frame(
             )
     if marks.known[0] and not math.isfinite(out.azimuth[k, 0]):
         first, step = turned - marks.recent[0] + place[0], 1
-        while abs(step) * BESIDE <= place[1]:
-            azimuth = first + step * BESIDE
+        while abs(step) * SEEK_STEP <= place[1]:
+            azimuth = first + step * SEEK_STEP
             expect_band(picture, setup, shutter, cable, 0, azimuth, gates, expected)
             if _seen_beside(picture, setup, shutter, marks, gates, expected, out, k):
                 break
