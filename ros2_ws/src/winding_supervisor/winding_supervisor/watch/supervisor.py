@@ -244,10 +244,11 @@ class Supervisor:
 
     async def _handle(self, finding: Finding) -> None:
         self._note("detected", finding.node, finding.text, wall=finding.wall)
+        when = self.machine.when
         cause = Cause(
             by=finding.by,
             source=finding.node,
-            text=f"{finding.node} {finding.text} {self.machine.when}",
+            text=f"{finding.node} {finding.text} {when}",
             t=self.buffer.time,
         )
         if finding.node == topics.RIG and not finding.fatal:
@@ -260,10 +261,13 @@ class Supervisor:
             # Nothing can move, and whoever was preparing it waits for this node in vain.
             self._end(cause)
         idle = self._left_alone
+        if finding.fatal:
+            await self._stop_machine(cause)
+            self._end(await self._behind(cause, when))
         self.log.hold(cause)
         await self._stop_machine(cause)
         policy = next((spec.policy for spec in self._graph if spec.name == finding.node), None)
-        if finding.fatal or policy is None:
+        if policy is None:
             self._end(cause)
         if policy is Policy.END:
             await self.orchestrator.process(finding.node).kill()
@@ -272,6 +276,20 @@ class Supervisor:
         if idle:
             # Nothing was wound that it could have ended.
             self.log.release(cause)
+
+    async def _behind(self, cause: Cause, when: str) -> Cause:
+        """Return the second publisher behind what a node or the machine refused, or the cause.
+
+        Its messages are refused as soon as they arrive, which may be ahead of the census.
+        """
+        await asyncio.sleep(_CENSUS_PERIOD)
+        contested = self._rivals.look(time.monotonic())
+        if contested is None or contested[0] == cause.source:
+            return cause
+        topic, text = contested
+        self._note("detected", topic, text)
+        by = EndedBy.SUPERVISION
+        return replace(cause, by=by, source=topic, text=f"{topic} {text} {when}")
 
     async def _stop_machine(self, cause: Cause) -> None:
         failure = await self.machine.quick_stop()
