@@ -18,6 +18,7 @@ from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultEr
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.validity import Check
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import Case, Material
 from winding_core.machine.drive import DriveProfile
@@ -59,6 +60,12 @@ def test_a_cable_too_stiff_to_lie_on_the_cylinder_is_refused(
 ) -> None:
     with pytest.raises(ValueError, match=r"EI l / \(2 F rho\^2\).* more than 1: .* N m\^2 .* N"):
         config(cylinder, cable, tension, young)
+
+
+@pytest.mark.parametrize(("share", "limit"), [(0.7, 0.5), (1.2, 1.0)])
+def test_a_check_is_compared_with_the_limit_that_it_passed(share: float, limit: float) -> None:
+    check = Check(name="it", value=share, warned_from=0.5, refused_from=1.0, advice="less")
+    assert check.sentence == f"it is {share}, more than {limit:g}: less"
 
 
 @pytest.mark.parametrize("cylinder", [0.02, 0.06, 0.2])

@@ -51,7 +51,7 @@ class Check:
     @property
     def sentence(self) -> str:
         """The check as one sentence."""
-        limit = self.refused_from if math.isfinite(self.refused_from) else self.warned_from
+        limit = self.refused_from if self.refused else self.warned_from
         return f"{self.name} is {self.value:.3g}, more than {limit:.3g}: {self.advice}"
 
 
