@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.winding.prediction import PlannedRun
-from cable_fem_node.winding.validity import kinetic_share
+from cable_fem_node.winding.validity import landing_share, motion_share, wave_share
 
 # The first steps are wound until they have taken so much processor time [s].
 _TRIAL_S = 0.03
@@ -20,11 +20,16 @@ _AWAKE_NODES = 32
 _REST_S = 0.2
 # What a call of the model costs beside its steps [s].
 _CALL_S = 2.0e-4
-# The cable lies as if it were wound slowly while motion holds at most this share of its energy,
-_QUASI_STATIC = 0.01
-# and a wave across it passes the span in at most this share of the time between two landings,
-# which would make the span ring.
-_CROSSING_SHARE = 0.2
+# Nine cables of the kinds of `_QUASI_STATIC` in `winding/validity.py`, their density raised step by
+# step, change their wound tension by less than 0.4 % while motion takes at most this share of it
+_SLOW = 0.02
+# and landings change it by the share _RINGING at most, however the span rings with them. It rings
+# where they follow each other at a rate of its axial waves, first at a quarter of a period; up to
+# half of that the share _CALM changes it by 0.25 %.
+_RINGING, _CALM, _CALM_WAVE = 3.0e-4, 1.0e-3, 0.125
+# The lay changes by less than pitch L / rho times either root of motion over tension or strain
+# energy times these; it may change by a share of the cable's diameter.
+_LAG_TENSION, _LAG_STRAIN, _LAY = 0.08, 0.004, 0.01
 # As much as the parameter allows.
 _LARGEST = 1.0e4
 
@@ -96,14 +101,19 @@ def _rod_elements(run: PlannedRun) -> float:
 
 def _largest_scaling(run: PlannedRun) -> float:
     """Return the factor on the density that `ExpectedCost` proposes, to one digit."""
-    config, case, resolved = run.config, run.config.case, run.config.resolved
-    speed = run.drive.angular_speed * resolved.wound_radius
-    landing = resolved.segment * resolved.stretch / speed
-    wave = config.free_length / (_CROSSING_SHARE * landing)
-    line_mass = case.material.density * case.section_area / resolved.stretch
-    share = kinetic_share(resolved, run.drive.angular_speed) / config.mass_scaling
-    largest = min(_QUASI_STATIC / share, resolved.tension / (line_mass * wave**2), _LARGEST)
-    if largest <= config.mass_scaling:
-        return config.mass_scaling
+    now, resolved, drive = run.config.mass_scaling, run.config.resolved, run.drive
+    length = run.config.free_length
+    landing, wave = (part(resolved, drive.angular_speed) for part in (landing_share, wave_share))
+    strain = resolved.stretch - 1.0
+    lag = min(_LAG_TENSION * wave / math.sqrt(strain), _LAG_STRAIN * wave / strain)
+    lay = abs(drive.pitch) * length / resolved.wound_radius * lag
+    first = _CALM_WAVE * resolved.segment * resolved.stretch / length
+    quick = min(
+        max(min(_CALM / landing, first / wave), _RINGING / landing),
+        _LAY * run.config.case.cable_diameter / max(lay, 1.0e-300),
+    )
+    largest = min(now * min(quick**2, _SLOW / motion_share(resolved, drive)), _LARGEST)
+    if largest <= now:
+        return now
     digit = 10.0 ** math.floor(math.log10(largest))
     return math.floor(largest / digit) * digit

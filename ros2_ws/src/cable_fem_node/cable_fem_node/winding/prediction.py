@@ -144,7 +144,7 @@ class PlannedRun:
         """Return what decides whether the result can be right."""
         resolved = self.config.resolved
         own = rod_checks(resolved) if self.element == "rod" else checks_of(resolved)
-        return (*own, motion_check(resolved, self.drive.angular_speed))
+        return (*own, motion_check(resolved, self.drive))
 
     @property
     def most_wound(self) -> float:

@@ -111,11 +111,13 @@ class ResolvedModel:
     law: MaterialLaw  # Material law in uniaxial tension
     thins: bool  # Whether the wound radius follows the cable's lateral stretch
     tension: float  # Span tension at the start [N]
+    lowest_tension: float  # Of the start and of where the tension's build-up ends [N]
     stretch: float  # Of the span at the start
     lateral: float  # Lateral stretch of the span at the start
     wound_radius: float  # Centreline radius of cable wound at that stretch [m]
     segment: float  # Reference length of an element [m]
-    bending_share: float  # EI l / (2 F rho^2), the share of the span's tension that bending takes
+    # EI l / (2 F rho^2), the share of the span's lowest tension that bending takes
+    bending_share: float
     mass_scaling: float  # Factor on the density
     constants: Constants  # Of the rod's kernel
     step: float  # Of the rod [s]: a share of 2 / omega of the stiffest axial and transverse motion
@@ -128,6 +130,7 @@ class ResolvedModel:
         law: MaterialLaw,
         *,
         tension: float,
+        lowest_tension: float,
         thins: bool,
         friction: float,
         free_length: float,
@@ -142,6 +145,7 @@ class ResolvedModel:
             case: What is wound.
             law: Material law in uniaxial tension.
             tension: Span tension at the start [N].
+            lowest_tension: Of the start and of where the tension's build-up ends [N].
             thins: Whether the wound radius follows the cable's lateral stretch.
             friction: Coulomb's coefficient, a ratio.
             free_length: Tangent span [m].
@@ -158,7 +162,8 @@ class ResolvedModel:
         _refuse_endless_creep(law, case, tension)
         lateral = float(law.lateral_stretch(stretch))
         radius = case.cylinder_radius + case.cable_radius * (lateral if thins else 1.0)
-        bending_share = 0.5 * case.bending_stiffness * stretch / (max(tension, 1e-300) * radius**2)
+        lowest = max(lowest_tension, 1.0e-300)
+        bending_share = 0.5 * case.bending_stiffness * stretch / (lowest * radius**2)
         h = segment_length or chosen_segment(law, stretch, bending_share, radius, free_length)
         mass = mass_scaling * case.material.density * case.section_area * h
         axial = case.material.young * case.axial_area / h
@@ -195,6 +200,7 @@ class ResolvedModel:
             law=law,
             thins=thins,
             tension=tension,
+            lowest_tension=lowest_tension,
             stretch=stretch,
             lateral=lateral,
             wound_radius=radius,
@@ -205,6 +211,11 @@ class ResolvedModel:
             step=_stable_step(case.axial_area, law, tension, stretch, constants),
             still=STILL_SHARE / STIRRED_SHARE * constants.stirred,
         )
+
+    @property
+    def line_mass(self) -> float:
+        """Mass per length of the stretched cable, with its scaling [kg/m]."""
+        return self.constants.mass / (self.segment * self.stretch)
 
     @cached_property
     def axial(self) -> AxialResponse:

@@ -57,11 +57,13 @@ class WindingConfig(LawParameters):
     @cached_property
     def resolved(self) -> ResolvedModel:
         """What follows from the configuration, computed once."""
-        case = self.case
+        case, law = self.case, self.tension_law
+        tension, built_up = (law(case.weight, case.cylinder_diameter, s) for s in (0.0, math.inf))
         return ResolvedModel.of(
             case,
             self.material_law(case.material.young, case.material.poisson),
-            tension=self.tension_law(case.weight, case.cylinder_diameter, 0.0),
+            tension=tension,
+            lowest_tension=min(tension, built_up),
             thins=self.thins,
             friction=self.friction,
             free_length=self.free_length,
