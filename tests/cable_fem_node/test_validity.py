@@ -18,7 +18,7 @@ from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultEr
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.validity import Check
+from cable_fem_node.winding.validity import Check, checks_of
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import Case, Material
 from winding_core.machine.drive import DriveProfile
@@ -67,6 +67,41 @@ def test_a_cable_too_stiff_to_lie_on_the_cylinder_is_refused(
 def test_a_check_is_compared_with_the_limit_that_it_passed(share: float, limit: float) -> None:
     check = Check(name="it", value=share, warned_from=0.5, refused_from=1.0, advice="less")
     assert check.sentence == f"it is {share}, more than {limit:g}: less"
+
+
+def named(what: WindingConfig, words: str) -> Check:
+    return next(check for check in checks_of(what.resolved) if words in check.name)
+
+
+def test_a_span_that_sags_is_doubtful_and_one_that_hangs_refused() -> None:
+    # 1337 kg/m^3 of 10 mm, 1.03 N/m until it is stretched; its mass scaling weighs nothing.
+    what = config(0.5, 0.010, 4.0, 1.0e6, free_length=2.0, mass_scaling=5.0)
+    check = named(what, "weight of the span")
+    weight = 1337.0 * 9.81 * math.pi * 25.0e-6 * 2.0 / what.resolved.stretch
+    assert check.value == pytest.approx(weight / 4.0)
+    assert "sags by w L^2 / (8 F), 123 mm, and is tighter by 3 %" in check.sentence
+    assert check.warned
+    with pytest.raises(ValueError, match=r"weight of the span.* more than 4"):
+        config(0.5, 0.010, 0.4, 1.0e5, free_length=2.0)
+
+
+@pytest.mark.parametrize(("young", "doubtful"), [(2.6e6, False), (120.0e9, True)])
+def test_a_stiff_outer_fibre_is_doubtful_beyond_two_percent(young: float, doubtful: bool) -> None:
+    strain = named(config(0.030, 0.001, 50.0, young), "outer fibre")
+    assert strain.value == pytest.approx(1.0 / 31.0)
+    assert strain.warned is doubtful
+
+
+def test_the_material_s_own_limit_refuses_and_allows() -> None:
+    what = config(0.030, 0.001, 50.0, 120.0e9)
+
+    def limited(limit: float) -> WindingConfig:
+        material = dataclasses.replace(what.case.material, bending_limit=limit)
+        return dataclasses.replace(what, case=dataclasses.replace(what.case, material=material))
+
+    assert not named(limited(0.05), "outer fibre").warned
+    with pytest.raises(ValueError, match=r"outer fibre.* is 0\.0323, more than 0\.03.*cylinder of 30"):
+        limited(0.03)
 
 
 @pytest.mark.parametrize("cylinder", [0.02, 0.06, 0.2])

@@ -20,6 +20,12 @@ _STRETCH_ERROR_PCT = 0.2
 # their density raised step by step keep their wound tension within 0.3 % up to the first one and
 # within 4 % up to the second; at 0.7 a soft one scatters by 15 %, at 2 it has lost half.
 _QUASI_STATIC, _FLYING = 0.05, 0.5
+# The span's weight over its tension: a span that lies is then tighter at its ends by 0.12 % than
+# at its middle, and the other one sags by half its length: it hangs.
+_SAGGING, _HANGING, _GRAVITY = 0.1, 4.0, 9.81
+# From this modulus on [Pa] materials bear a few percent of strain at most: metals yield below 1 %,
+# hard plastics at 2 to 5 % (Ashby, Materials Selection in Mechanical Design: strength over modulus).
+_STIFF, _STIFF_STRAIN = 1.0e9, 0.02
 FULL_TURN = 2.0 * math.pi
 # Parts of a turn at which the lay of a guide that turns back is followed.
 _PARTS = 180
@@ -58,7 +64,7 @@ class Check:
 
 def checks_of(resolved: ResolvedModel) -> tuple[Check, ...]:
     """Return what can be checked of a model, whatever its element."""
-    return (_stiffness(resolved), _span(resolved))
+    return (_stiffness(resolved), _weight(resolved), _fibre(resolved), _span(resolved))
 
 
 def rod_checks(resolved: ResolvedModel) -> tuple[Check, ...]:
@@ -154,6 +160,39 @@ def _stiffness(resolved: ResolvedModel) -> Check:
         f"{resolved.lowest_tension:.4g} N, "
         f"wound radius {resolved.wound_radius / MILLIMETRE:.4g} mm; such a cable does not lie on "
         "the cylinder: take more tension, a thicker cylinder or a softer cable",
+    )
+
+
+def _weight(resolved: ResolvedModel) -> Check:
+    length, pull = resolved.constants.free_length, max(resolved.lowest_tension, 1.0e-300)
+    share = resolved.line_mass / resolved.mass_scaling * _GRAVITY * length / pull
+    return Check(
+        name="the weight of the span over its tension, w L / F,",
+        value=share,
+        warned_from=_SAGGING,
+        refused_from=_HANGING,
+        advice=f"the span of {length:.4g} m is computed straight; lying, it sags by w L^2 / (8 F), "
+        f"{share * length / 8.0 / MILLIMETRE:.3g} mm, and is tighter by {100.0 * share**2 / 8.0:.3g}"
+        f" % at its ends, upright by {100.0 * share:.3g} % at its upper end: take more tension or "
+        "a shorter span",
+    )
+
+
+def _fibre(resolved: ResolvedModel) -> Check:
+    case = resolved.case
+    strain = case.cable_radius / resolved.wound_radius
+    own = case.material.bending_limit
+    guess = _STIFF_STRAIN if case.material.young >= _STIFF else math.inf
+    return Check(
+        name="the bending strain of the outer fibre, d / (D + d),",
+        value=strain,
+        warned_from=own or guess,
+        refused_from=own or math.inf,
+        advice=f"cable {case.cable_diameter / MILLIMETRE:.4g} mm on a cylinder of "
+        f"{case.cylinder_diameter / MILLIMETRE:.4g} mm, limit "
+        + ("of the material (bending_limit)" if own else "of stiff materials, as none is given")
+        + "; beyond it the cable yields, breaks or kinks: take a thicker cylinder or a thinner "
+        "cable, or state what the material bears (bending_limit)",
     )
 
 

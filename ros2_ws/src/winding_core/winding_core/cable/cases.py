@@ -21,6 +21,8 @@ class Material:
     density: float = 1337.0  # Mass density [kg/m^3].
     axial_factor: float = 1.0  # Factor on the axial stiffness EA of the round section.
     bending_factor: float = 1.0  # Factor on its bending stiffness EI.
+    # Strain of the outer fibre from which it must not be bent further; 0: not known.
+    bending_limit: float = 0.0
     # How the axial stress fades; `young` is the modulus at once.
     prony: PronySeries = field(default_factory=PronySeries)
 
@@ -31,6 +33,8 @@ class Material:
         _positive("bending_factor", self.bending_factor)
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"poisson must lie in [0, 0.5), got {self.poisson}")
+        if not 0.0 <= self.bending_limit < math.inf:
+            raise ValueError(f"bending_limit must not be negative, got {self.bending_limit}")
 
     def refuse_fading(self, who: str) -> None:
         """Refuse a Prony series where none is known.

@@ -101,6 +101,14 @@ class CableAndLoad:
     bending_factor: float = parameter(
         Material.bending_factor, "factor on the bending stiffness EI", PLAIN, 1.0e-3, 1.0e3
     )
+    bending_limit: float = parameter(
+        0.0,
+        "largest strain d / (D + d) that bending may give the cable's outer fibre",
+        PLAIN,
+        1.0e-5,
+        10.0,
+        otherwise="not known",
+    )
     prony: str = parameter(
         "",
         "how the stress of the stretched cable fades: terms share:seconds joined by +, as "
@@ -138,6 +146,7 @@ class CableAndLoad:
             density=self.density,
             axial_factor=self.axial_factor,
             bending_factor=self.bending_factor,
+            bending_limit=self.bending_limit,
             prony=self._prony(spelled["prony"]),
         )
         if start is None:
