@@ -144,6 +144,28 @@ def test_elements_of_the_chosen_length_are_short_enough(what: WindingConfig) -> 
     assert coarse == pytest.approx(fine, rel=2.0e-3)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("cylinder", "share"), [(0.014, 0.15), (0.014, 0.28), (0.045, 0.28), (0.24, 0.25), (0.045, 0.7)]
+)
+def test_the_wound_tension_of_stiff_cable_is_as_near_as_is_said(
+    cylinder: float, share: float
+) -> None:
+    cable, young = 0.08 * cylinder, 30.0e6
+    radius, stiffness = 0.54 * cylinder, young * math.pi * cable**4 / 64.0
+    # The stretch, a percent, shifts the share by as much.
+    what = config(cylinder, cable, 0.5 * stiffness / (share * radius**2), young)
+    drive = DriveProfile(angular_speed=1.0, feed_speed=1.3 * cable / (2.0 * math.pi))
+    run = PlannedRun(config=what, drive=drive, duration=5.0)
+    check = next(c for c in run.checks() if "wound tension" in c.name)
+    result = run.wind(whole=False)
+    wound = result.cable["tension"][2 : result.arc.size - 2].mean()
+    error = 100.0 * (wound / what.resolved.wound_tension(what.case.weight) - 1.0)
+    # The promise is 1 %; measured 0.89, 0.74, 0.72, 0.37 and, where it is not made, 1.95.
+    assert abs(error) < max(1.0, check.value)
+    assert check.warned is (share > 0.5)
+
+
 @pytest.mark.parametrize("number", range(1, 13))
 def test_the_published_conditions_are_wound_with_elements_of_5_mm(number: int) -> None:
     assert case_of(number).resolved.segment == 5.0e-3

@@ -25,6 +25,7 @@ from cable_fem_node.winding.validity import (
     refuse_overlap,
     refuse_past_the_start,
     rod_checks,
+    tension_check,
 )
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
@@ -143,8 +144,10 @@ class PlannedRun:
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
         resolved = self.config.resolved
-        own = rod_checks(resolved) if self.element == "rod" else checks_of(resolved)
-        return (*own, motion_check(resolved, self.drive))
+        motion = motion_check(resolved, self.drive)
+        if self.element != "rod":
+            return (*checks_of(resolved), motion)
+        return (*rod_checks(resolved), tension_check(resolved, self.drive), motion)
 
     @property
     def most_wound(self) -> float:

@@ -8,7 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.dynamics.state import FloatArray
-from cable_fem_node.winding.resolved_model import LARGEST_RATIO, ResolvedModel, stretch_error_pct
+from cable_fem_node.winding.resolved_model import (
+    LARGEST_RATIO,
+    ResolvedModel,
+    stretch_error_pct,
+    tension_error_pct,
+)
 from winding_core.machine.drive import DriveProfile
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 
@@ -16,6 +21,8 @@ from winding_core.units import MEGAPASCAL, MILLIMETRE
 _NEAR = 0.5
 # Relative error of the wound stretch that the choice of the element keeps below [%].
 _STRETCH_ERROR_PCT = 0.2
+# Of the wound tension, the promise [%].
+_TENSION_ERROR_PCT = 1.0
 # Motion's share of the tension. Five cables (0.25 to 12 mm on 30 to 300 mm, 2.6 MPa to 110 GPa) with
 # their density raised step by step keep their wound tension within 0.3 % up to the first one and
 # within 4 % up to the second; at 0.7 a soft one scatters by 15 %, at 2 it has lost half.
@@ -122,6 +129,22 @@ def wave_share(resolved: ResolvedModel, angular_speed: float) -> float:
     """Return the line's speed at an angular speed [rad/s] over that of a wave along the span."""
     v = angular_speed * resolved.wound_radius
     return v * math.sqrt(resolved.line_mass * (resolved.stretch - 1.0) / resolved.tension)
+
+
+def tension_check(resolved: ResolvedModel, drive: DriveProfile) -> Check:
+    """Return how far the rod's wound tension may be off, by its landing and its motion."""
+    ratio = resolved.segment * resolved.stretch / resolved.wound_radius
+    error = tension_error_pct(resolved.law, resolved.bending_share, ratio)
+    return Check(
+        name="the estimated error of the wound tension [%]",
+        value=error + 100.0 * landing_share(resolved, drive.angular_speed),
+        warned_from=_TENSION_ERROR_PCT,
+        refused_from=math.inf,
+        advice=f"bending takes {100.0 * resolved.bending_share:.3g} % of the span's tension, "
+        f"elements of {resolved.segment / MILLIMETRE:.3g} mm land on a wound radius of "
+        f"{resolved.wound_radius / MILLIMETRE:.4g} mm; take shorter elements (segment_length), "
+        "less mass scaling, more tension or a thicker cylinder",
+    )
 
 
 def motion_check(resolved: ResolvedModel, drive: DriveProfile) -> Check:
