@@ -21,6 +21,7 @@ from cable_fem_node.winding.validity import (
     Check,
     checks_of,
     motion_check,
+    overlap_check,
     refuse,
     refuse_overlap,
     refuse_past_the_start,
@@ -144,10 +145,12 @@ class PlannedRun:
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
         resolved = self.config.resolved
-        motion = motion_check(resolved, self.drive)
-        if self.element != "rod":
-            return (*checks_of(resolved), motion)
-        return (*rod_checks(resolved), tension_check(resolved, self.drive), motion)
+        own = checks_of(resolved)
+        if self.element == "rod":
+            own = (*rod_checks(resolved), tension_check(resolved, self.drive))
+        turns = int(self.most_wound / FULL_TURN)
+        lay = (overlap_check(resolved, self.drive, turns),) if turns else ()
+        return (*own, motion_check(resolved, self.drive), *lay)
 
     @property
     def most_wound(self) -> float:

@@ -14,6 +14,7 @@ from cable_fem_node.winding.resolved_model import (
     stretch_error_pct,
     tension_error_pct,
 )
+from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 
@@ -232,6 +233,33 @@ def _span(resolved: ResolvedModel) -> Check:
     )
 
 
+def overlap_check(resolved: ResolvedModel, drive: DriveProfile, turns: int) -> Check:
+    """Return whether the first of the turns lie beside each other, by the fleet-angle law.
+
+    The span of length L pulls the cable after the guide: with tau = L / rho the first turn
+    advances by p (2 pi - tau (1 - exp(-2 pi / tau))) / (2 pi) of the pitch p.
+    """
+    law = FleetAngleLaw(
+        advance_per_radian=abs(drive.pitch) / FULL_TURN,
+        free_length=resolved.constants.free_length,
+        radius=resolved.wound_radius,
+    )
+    advances = np.diff(law.z(FULL_TURN * np.arange(turns + 1)))
+    width = resolved.case.cable_diameter * resolved.lateral
+    over = int(np.count_nonzero(advances < width))
+    return Check(
+        name="the cable's width over the advance of the first turn",
+        value=width / max(float(advances[0]), 1.0e-300),
+        warned_from=1.0,
+        refused_from=math.inf,
+        advice=f"turns 1 to {over} of {turns} come to lie on the turn before, the first by "
+        f"{(width - advances[0]) / MILLIMETRE:.3g} mm of {width / MILLIMETRE:.3g} mm, because the "
+        f"cable lags behind the guide by up to {math.degrees(law.lag_angle):.3g} degrees; it is "
+        "computed as if they lay beside each other: take more feed, a shorter span or a thicker "
+        "cylinder",
+    )
+
+
 class OverlapError(ValueError):
     """The cable would be wound over itself, which the contact model does not cover."""
 
@@ -240,9 +268,8 @@ def refuse_overlap(resolved: ResolvedModel, drive: DriveProfile, duration: float
     """Refuse a plan that lays a turn over another.
 
     A guide that keeps going needs a steady pitch of the cable's diameter, once there is more than
-    a turn. The first turns lie closer than the steady pitch because the cable lags behind the
-    guide; there neighbours may touch, as they do on the paper's stiffest cable, without riding up.
-    Of a guide that turns back the lay itself is followed, by the fleet-angle law; what is unwound
+    a turn. The first turns lie closer, as they do on the paper's stiffest cable: `overlap_check`
+    tells. Of a guide that turns back the lay itself is followed, by the fleet-angle law; what is unwound
     leaves the cylinder bare.
 
     Args:
