@@ -35,11 +35,11 @@ _MEASURED_AT = 0.465
 _STRAIGHT_PCT, _CURVED_PCT, _BENDING_PCT, _BENT = 0.5, 1.0, 2.0, 0.15
 # Of a stretch, between elements and those of half their length; 0.2 % is the bar.
 _ALLOWED_PCT = 0.17
-# What landing leaves of the tension that bending takes, in percent of the span's, at a bending share
-# of 1 and elements as long as the wound radius, and its powers of both: 20 windings with shares of
-# 0.05 to 0.85, cables of 3 and 10 % of cylinders of 8 to 300 mm, elements of 0.03 to 0.46 of the
-# radius, or 0.05 to 1.5 of the bending layer sqrt(EI / F). Of the wound tension it may be so much;
-# elements are not made shorter than this for it, which would take minutes.
+# What landing leaves of the tension that bending takes, in percent of the span's, at a bending
+# share of 1 and elements as long as the wound radius, and its powers of both: 40 windings with
+# shares of 0.05 to 0.85, cables of 3 and 10 % of cylinders of 8 to 300 mm, elements of 0.03 to 0.46
+# of the radius, or 0.02 to 1.3 of the bending layer sqrt(EI / F). It may be so much of the wound
+# tension; for it elements are not made shorter than this, which would take minutes.
 _LANDING_PCT, _LANDING_SHARE, _LANDING_RATIO = 3.0, 0.5, 0.45
 _ALLOWED_TENSION_PCT, _SHORTEST = 0.9, 0.1
 
@@ -88,8 +88,13 @@ def tension_error_pct(law: MaterialLaw, bending_share: float, ratio: float) -> f
         bending_share: EI l / (2 F rho^2), the share of the tension that bending takes, below 1.
         ratio: Length of a stretched element per centreline radius of the wound cable.
     """
-    landing = _LANDING_PCT * bending_share**_LANDING_SHARE * ratio**_LANDING_RATIO
-    return max(_chord_pct(law) * (ratio / _MEASURED_AT) ** 2, landing) / (1.0 - bending_share)
+    chord = _chord_pct(law) * (ratio / _MEASURED_AT) ** 2 / (1.0 - bending_share)
+    return max(chord, _landing_pct(bending_share) * math.pow(ratio, _LANDING_RATIO))
+
+
+def _landing_pct(bending_share: float) -> float:
+    left = max(1.0 - bending_share, 1.0e-9)
+    return _LANDING_PCT * math.pow(bending_share, _LANDING_SHARE) / left
 
 
 def _chord_pct(law: MaterialLaw) -> float:
@@ -110,8 +115,8 @@ def chosen_segment(
     """
     full = stretch_error_pct(law, stretch, bending_share, _MEASURED_AT)
     ratio = _MEASURED_AT * min(1.0, math.sqrt(_ALLOWED_PCT / full)) if full > 0.0 else _MEASURED_AT
-    landing = _LANDING_PCT * bending_share**_LANDING_SHARE / max(1.0 - bending_share, 1.0e-9)
-    ratio = min(ratio, max(_SHORTEST, (_ALLOWED_TENSION_PCT / landing) ** (1.0 / _LANDING_RATIO)))
+    suits = math.pow(_ALLOWED_TENSION_PCT / _landing_pct(bending_share), 1.0 / _LANDING_RATIO)
+    ratio = min(ratio, max(_SHORTEST, suits))
     return min(LONGEST, ratio * radius / stretch, 0.1 * free_length)
 
 

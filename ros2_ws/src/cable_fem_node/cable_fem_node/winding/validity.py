@@ -24,15 +24,15 @@ _NEAR = 0.5
 _STRETCH_ERROR_PCT = 0.2
 # Of the wound tension, the promise [%].
 _TENSION_ERROR_PCT = 1.0
-# Motion's share of the tension. Five cables (0.25 to 12 mm on 30 to 300 mm, 2.6 MPa to 110 GPa) with
-# their density raised step by step keep their wound tension within 0.3 % up to the first one and
+# Motion's share of the tension. Six cables (1 to 12 mm on 30 to 300 mm, 2.6 MPa to 110 GPa) with
+# their density raised step by step keep their wound tension within 1.5 % up to the first one and
 # within 4 % up to the second; at 0.7 a soft one scatters by 15 %, at 2 it has lost half.
 _QUASI_STATIC, _FLYING = 0.05, 0.5
 # The span's weight over its tension: a span that lies is then tighter at its ends by 0.12 % than
 # at its middle, and the other one sags by half its length: it hangs.
 _SAGGING, _HANGING, _GRAVITY = 0.1, 4.0, 9.81
 # From this modulus on [Pa] materials bear a few percent of strain at most: metals yield below 1 %,
-# hard plastics at 2 to 5 % (Ashby, Materials Selection in Mechanical Design: strength over modulus).
+# hard plastics at 2 to 5 % (Ashby, Materials Selection in Mechanical Design, strength and modulus).
 _STIFF, _STIFF_STRAIN = 1.0e9, 0.02
 FULL_TURN = 2.0 * math.pi
 # Parts of a turn at which the lay of a guide that turns back is followed.
@@ -195,10 +195,10 @@ def _weight(resolved: ResolvedModel) -> Check:
         value=share,
         warned_from=_SAGGING,
         refused_from=_HANGING,
-        advice=f"the span of {length:.4g} m is computed straight; lying, it sags by w L^2 / (8 F), "
-        f"{share * length / 8.0 / MILLIMETRE:.3g} mm, and is tighter by {100.0 * share**2 / 8.0:.3g}"
-        f" % at its ends, upright by {100.0 * share:.3g} % at its upper end: take more tension or "
-        "a shorter span",
+        advice=f"the span of {length:.4g} m is computed straight; lying, it sags by "
+        f"w L^2 / (8 F), {share * length / 8.0 / MILLIMETRE:.3g} mm, and is tighter by "
+        f"{100.0 * share**2 / 8.0:.3g} % at its ends, upright by {100.0 * share:.3g} % at its "
+        "upper end: take more tension or a shorter span",
     )
 
 
@@ -269,8 +269,8 @@ def refuse_overlap(resolved: ResolvedModel, drive: DriveProfile, duration: float
 
     A guide that keeps going needs a steady pitch of the cable's diameter, once there is more than
     a turn. The first turns lie closer, as they do on the paper's stiffest cable: `overlap_check`
-    tells. Of a guide that turns back the lay itself is followed, by the fleet-angle law; what is unwound
-    leaves the cylinder bare.
+    tells. Of a guide that turns back the lay itself is followed, by the fleet-angle law; what is
+    unwound leaves the cylinder bare.
 
     Args:
         resolved: What is wound.

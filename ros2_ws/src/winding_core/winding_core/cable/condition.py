@@ -103,7 +103,7 @@ class CableAndLoad:
     )
     bending_limit: float = parameter(
         0.0,
-        "largest strain d / (D + d) that bending may give the cable's outer fibre",
+        "largest strain d / (D + d) that bending may give the outer fibre, dimensionless",
         PLAIN,
         1.0e-5,
         10.0,
