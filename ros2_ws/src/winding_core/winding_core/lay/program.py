@@ -27,6 +27,9 @@ class LayProgram:
     z: Array  # Axial position there [m], shape (n,); 0 at P0.
     # Pull at the guide from this point on [N], shape (n,); nan where the condition's weight pulls.
     tension: Array = field(default_factory=lambda: np.empty(0))
+    # Height of the centre line above that of cable on the bare cylinder, from this point on [m],
+    # shape (n,); 0 where none is below.
+    raised: Array = field(default_factory=lambda: np.empty(0))
     # Wound angle at which marker n is wanted to land [rad], by n; ascending.
     markers: Mapping[int, float] = field(default_factory=dict)
     name: str = "lay program"  # As reports write it.
@@ -38,17 +41,21 @@ class LayProgram:
         tension = np.asarray(self.tension, dtype=float)
         if tension.size == 0:
             tension = np.full(theta.shape, np.nan)
-        for name, values in (("theta", theta), ("z", z), ("tension", tension)):
+        raised = np.asarray(self.raised, dtype=float)
+        if raised.size == 0:
+            raised = np.zeros(theta.shape)
+        given = {"theta": theta, "z": z, "tension": tension, "raised": raised}
+        for name, values in given.items():
             object.__setattr__(self, name, values)
         self._check()
 
     def _check(self) -> None:
         if self.theta.ndim != 1 or self.theta.size < 2:
             raise LayProgramError(f"a lay program needs two points or more, got {self.theta.size}")
-        if not self.theta.shape == self.z.shape == self.tension.shape:
+        if not self.theta.shape == self.z.shape == self.tension.shape == self.raised.shape:
             raise LayProgramError(
-                f"theta, z and tension must be of one length, got {self.theta.size}, "
-                f"{self.z.size} and {self.tension.size}"
+                f"theta, z, tension and raised must be of one length, got {self.theta.size}, "
+                f"{self.z.size}, {self.tension.size} and {self.raised.size}"
             )
         if not (np.isfinite(self.theta).all() and np.isfinite(self.z).all()):
             raise LayProgramError("the points of a lay program must be finite")
@@ -67,6 +74,11 @@ class LayProgram:
         if (self.tension < 0.0).any():
             raise LayProgramError(
                 f"tension must not be negative, got {np.nanmin(self.tension):g} N"
+            )
+        if not (self.raised >= 0.0).all():
+            raise LayProgramError(
+                f"raised must not be negative, no cable lies in the cylinder, "
+                f"got {1e3 * self.raised.min():g} mm"
             )
         self._check_markers()
 
@@ -106,6 +118,15 @@ class LayProgram:
         theta = np.asarray(theta, dtype=float)
         k = np.clip(np.searchsorted(self.theta, theta, side="right") - 1, 0, self.theta.size - 1)
         return np.asarray(self.tension[k])
+
+    def raised_at(self, theta: ArrayLike) -> Array:
+        """Return the height above cable on the bare cylinder [m] at wound angles [rad]."""
+        return np.asarray(self.raised[self._piece(np.asarray(theta, dtype=float))])
+
+    @property
+    def layered(self) -> bool:
+        """Whether cable is wanted on cable."""
+        return bool((self.raised > 0.0).any())
 
     @property
     def _slopes(self) -> Array:

@@ -1,0 +1,49 @@
+"""The drum: the cylinder between its flanges, with or without grooves."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from winding_core.units import MILLIMETRE
+
+# Flange at which winding begins -> sign of z from there on.
+START_SIDES = {"low": 1.0, "high": -1.0}
+
+
+class DrumError(ValueError):
+    """A drum is none, or cannot take what is wanted of it; the sentence names value and limit."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drum:
+    """A cylinder between two flanges; P0 lies against the flange at which winding begins."""
+
+    radius: float  # R of the cylinder, or of the ground of its grooves [m].
+    width: float  # Between the flanges [m].
+    flange_height: float  # Of the flanges over R [m].
+    groove_pitch: float | None = None  # Of the grooves [m]; None for a smooth drum.
+    start_side: str = "low"  # One of START_SIDES: the flange at the lower or at the higher z.
+
+    def __post_init__(self) -> None:
+        for name in ("radius", "width", "flange_height", "groove_pitch"):
+            value = getattr(self, name)
+            if value is not None and not (math.isfinite(value) and value > 0.0):
+                words = name.replace("_", " ")
+                raise DrumError(
+                    f"the drum's {words} must be positive and finite, got {value / MILLIMETRE:g} mm"
+                )
+        if self.start_side not in START_SIDES:
+            raise DrumError(
+                f"the drum's start side must be {' or '.join(START_SIDES)}, got {self.start_side!r}"
+            )
+
+    @property
+    def flange_radius(self) -> float:
+        """Radius of the flanges' edges [m]."""
+        return self.radius + self.flange_height
+
+    @property
+    def sign(self) -> float:
+        """Direction of z from the flange at which winding begins: 1 or -1."""
+        return START_SIDES[self.start_side]
