@@ -135,8 +135,8 @@ class DrumWinding:
             if length is not None and done + steps.sum() >= length:
                 way = np.concatenate([[0.0], np.cumsum(steps)])
                 end = float(np.interp(length - done, way, angle))
-                place = np.append(place[angle < end], np.interp(end, angle, place))
-                angle = np.append(angle[angle < end], end)
+                place = np.append(place[angle < end - ROUNDING], np.interp(end, angle, place))
+                angle = np.append(angle[angle < end - ROUNDING], end)
                 steps = np.hypot(radii[k] * np.diff(angle), np.diff(place))
             theta.append(begun + angle[1:])
             z.append(drum.sign * place[1:])
@@ -162,7 +162,7 @@ class DrumWinding:
             return self._turns_of(k, room, pitch, last=last)
         angle = [0.0, FULL_TURN * room / pitch]
         place = [0.0, room] if k % 2 == 0 else [room, 0.0]
-        if self.edge_dwell > 0.0 and not last:
+        if self.edge_dwell > ROUNDING and not last:
             angle.append(angle[-1] + self.edge_dwell)
             place.append(place[-1])
         return np.array(angle), np.array(place)
