@@ -3,13 +3,17 @@
 import csv
 import io
 import math
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
 
+from lay_control_node.control.guide_law import WantedProgram
 from lay_control_node.planning.guide_path import guide_path, lay_of, within
 from lay_control_node.planning.lay_plan import CSV_COLUMNS, LayPlan, csv_text, plan_record
 from lay_control_node.planning.limits import PlanLimits
@@ -20,7 +24,10 @@ from lay_control_node.programs.gcode_reader import parse_gcode
 from lay_control_node.programs.yaml_reader import parse_yaml
 from winding_core.cable.condition import Condition
 from winding_core.helix import FleetAngleLaw
+from winding_core.lay.drum_winding import DrumWinding
+from winding_core.lay.layers import WINDINGS
 from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.machine.drum import Drum
 
 TURN = 2.0 * math.pi
 # As the simulated machine has them.
@@ -316,3 +323,71 @@ def test_corners_that_run_into_each_other_add_up() -> None:
     together = line.at(theta) - line.unrounded(theta)
     parts = sum(item.at(theta) - item.unrounded(theta) for item in alone)
     assert together == pytest.approx(parts, abs=1e-14)
+
+
+DRUM = Drum(
+    radius=WHAT.case.cylinder_radius, width=15.0 * WHAT.case.cable_diameter, flange_height=0.04
+)
+
+
+def on_drum(winding: str, layers: int = 4) -> LayProgram:
+    return (
+        DrumWinding(winding=winding).wind(DRUM, WHAT.case.cable_diameter, layers=layers).program()
+    )
+
+
+@pytest.mark.parametrize("winding", WINDINGS)
+def test_every_layer_is_laid_with_the_lag_of_its_own_radius(winding: str) -> None:
+    program = on_drum(winding)
+    plan = plan_lay(program, WHAT, LIMITS)
+    refuse_broken_limits(plan)
+    planned, uncompensated = plan.rms()
+    # The bar of the issue for one layer.
+    assert planned <= 0.05 * uncompensated
+    _, theta, guide = plan.motion.grid()
+    # By the law itself, with the span of a guide that keeps its distance from the axis.
+    distance = math.hypot(plan.lag * plan.radius, plan.radius)
+
+    def rate(at: float, z: np.ndarray, rho: float) -> np.ndarray:
+        return (np.interp(at, theta, guide) - z) * rho / math.sqrt(distance**2 - rho**2)
+
+    def laid(radius: Callable[[float], float]) -> np.ndarray:
+        z, found = np.zeros(1), []
+        for start, end in pairwise(program.theta.tolist()):
+            rho = radius(start)
+            step = solve_ivp(rate, (start, end), z, args=(rho,), rtol=1e-8, atol=1e-9, max_step=0.1)
+            z = step.y[:, -1]
+            found.append(float(z[0]))
+        return np.array(found)
+
+    predicted = np.interp(program.theta[1:], theta, plan.predicted)
+    off = np.abs(laid(lambda at: plan.radius + float(program.raised_at(at))) - predicted)
+    # Between samples the guide is taken as straight; a layer begins within one of them.
+    assert off.max() < 2.0e-5
+    # With the lag of the bare cylinder it would lie elsewhere.
+    assert np.abs(laid(lambda _: plan.radius) - predicted).max() > 20.0 * off.max()
+
+
+def test_the_cable_keeps_its_speed_on_every_layer() -> None:
+    program = on_drum("parallel")
+    plan = plan_lay(program, WHAT, LIMITS, even_cable=True)
+    refuse_broken_limits(plan)
+    rows = plan.samples(plan.times(0.01))
+    speed = rows.cylinder_speed * (plan.radius + program.raised_at(rows.cylinder))
+    first = WHAT.drive.angular_speed * plan.radius
+    # Nowhere faster; slower at both ends, and for the moment before a layer in which it slows down.
+    assert speed.max() <= first * (1.0 + 1e-6)
+    assert np.mean(speed > first * (1.0 - 1e-6)) > 0.95
+    assert not any("slowed" in sentence for sentence in plan.sentences)
+    assert plan.motion.end > plan_lay(program, WHAT, LIMITS).motion.end
+
+
+def test_layers_that_reach_the_guide_are_refused() -> None:
+    near = replace(WHAT, free_length=0.01)
+    with pytest.raises(LayProgramError, match="would reach the guide"):
+        plan_lay(on_drum("parallel", 5), near, LIMITS)
+
+
+def test_the_control_refuses_layers() -> None:
+    with pytest.raises(LayProgramError, match="the program has layers"):
+        WantedProgram.of(on_drum("parallel"), WHAT, LIMITS)

@@ -15,7 +15,7 @@ from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.rounding import needed_width, width_without_slip
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from winding_core.cable.condition import ResolvedCondition
-from winding_core.lay.program import LayProgram
+from winding_core.lay.program import LayProgram, LayProgramError
 
 Array = NDArray[np.float64]
 
@@ -115,7 +115,16 @@ class WantedProgram:
 
     @classmethod
     def of(cls, program: LayProgram, what: ResolvedCondition, limits: PlanLimits) -> WantedProgram:
-        """Return a program, rounded for a condition's speed and friction and a machine's limits."""
+        """Return a program, rounded for a condition's speed and friction and a machine's limits.
+
+        Raises:
+            LayProgramError: The program has layers.
+        """
+        if program.layered:
+            raise LayProgramError(
+                "the control knows cable on the bare cylinder alone, the program has layers: "
+                "plan its motion and let the machine follow that"
+            )
         lag = what.free_length / what.case.centreline_radius
         path = within(guide_path(program, lag, 0.0), *limits.travel)
         width = needed_width(path, what.drive.angular_speed, limits)

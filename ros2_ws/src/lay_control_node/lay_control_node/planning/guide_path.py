@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
-from winding_core.lay.program import LayProgram
+from lay_control_node.planning.smoothed_line import SmoothedLine
+from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.units import MILLIMETRE
 
 Array = NDArray[np.float64]
 
@@ -16,18 +15,51 @@ Array = NDArray[np.float64]
 _BEYOND = 1.0e3
 
 
-def guide_path(program: LayProgram, lag: float, width: float) -> SmoothedLine:
+def layer_lag(lag: float, radius: float, raised: Array) -> Array:
+    """Return the lag of cable that lies on cable [rad], same shape as `raised`.
+
+    The guide keeps its distance from the axis, so the span shortens as its radius grows.
+
+    Args:
+        lag: On the bare cylinder [rad], free length over radius.
+        radius: Of the centre line there [m].
+        raised: Height of the centre line above that [m], any shape.
+
+    Raises:
+        LayProgramError: The cable would reach the guide.
+    """
+    outer = radius + raised
+    distance = radius * float(np.hypot(lag, 1.0))
+    if (outer >= distance).any():
+        raise LayProgramError(
+            f"cable that lies {outer.max() / MILLIMETRE:.4g} mm off the axis would reach the "
+            f"guide, which is {distance / MILLIMETRE:.4g} mm off"
+        )
+    return np.asarray(np.sqrt((distance - outer) * (distance + outer)) / outer)
+
+
+def guide_path(program: LayProgram, lag: float | Array, width: float) -> SmoothedLine:
     """Return g = z + lag dz/dtheta of a program's rounded z.
 
     Cable lands by dz/dtheta = (g - z) / lag; a corner of z is a step of g.
 
     Args:
         program: What is wanted.
-        lag: Free length over centreline radius [rad].
+        lag: Free length over centreline radius [rad], one or shape (points - 1,).
         width: Of the kernel [rad].
     """
-    line = smoothed_program(program, width)
-    return replace(line, steps=lag * line.bends, value=line.value + lag * line.slope)
+    slopes = np.diff(program.z) / np.diff(program.theta)
+    ahead = lag * slopes
+    bends, steps = np.diff(slopes), np.diff(ahead)
+    kept = (bends != 0.0) | (steps != 0.0)
+    return SmoothedLine(
+        theta=program.theta[1:-1][kept],
+        bends=bends[kept],
+        steps=steps[kept],
+        value=float(program.z[0] + ahead[0]),
+        slope=float(slopes[0]),
+        width=width,
+    )
 
 
 def within(line: SmoothedLine, low: float, high: float) -> SmoothedLine:
@@ -73,13 +105,13 @@ def within(line: SmoothedLine, low: float, high: float) -> SmoothedLine:
 _SHORT = 1.0e-4
 
 
-def lay_of(theta: Array, guide: Array, lag: float, start: float = 0.0) -> Array:
+def lay_of(theta: Array, guide: Array, lag: float | Array, start: float = 0.0) -> Array:
     """Return z of the laid cable [m], shape (n,), exact for a guide that goes straight in between.
 
     Args:
         theta: Wound angles, not descending [rad], shape (n,).
         guide: Of the guide there [m], shape (n,).
-        lag: Free length over centreline radius [rad].
+        lag: Free length over centreline radius [rad], one or shape (n - 1,).
         start: z at the first angle [m].
     """
     x = np.diff(theta) / lag

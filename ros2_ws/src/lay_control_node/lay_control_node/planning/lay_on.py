@@ -54,14 +54,17 @@ class LayOnLaw:
         """Return the centreline radius of laid cable [m] under tensions of the span [N]."""
         return np.asarray(np.interp(force, self._force, self._radius))
 
-    def density(self, force: float | Array, slope: float | Array) -> Array:
+    def density(
+        self, force: float | Array, slope: float | Array, raised: float | Array = 0.0
+    ) -> Array:
         """Return undeformed length per wound angle [m/rad].
 
         Args:
             force: Tension of the span [N].
             slope: dz/dtheta [m/rad], broadcast with it.
+            raised: Height above cable on the bare cylinder [m], broadcast with it.
         """
-        return np.asarray(np.hypot(self.radius(force), slope) / self.stretch(force))
+        return np.asarray(np.hypot(self.radius(force) + raised, slope) / self.stretch(force))
 
 
 # Pulls are planned up to this share of what the material carries at all.
@@ -95,15 +98,22 @@ class StretchedCable:
         wound = case.centreline_radius * wound_angle
         return self.what.tension_law.along(pull, case.cylinder_diameter, wound)
 
-    def per_radian(self, pull: Array, wound_angle: Array, slope: Array) -> Array:
+    def stretch(self, pull: Array) -> Array:
+        """Return the stretch of laid cable far from P0 under pulls at the guide [N], same shape."""
+        return self._law.stretch(self.span_tension(pull, np.full(pull.shape, _BUILT)))
+
+    def per_radian(
+        self, pull: Array, wound_angle: Array, slope: Array, raised: float | Array = 0.0
+    ) -> Array:
         """Return the undeformed cable laid per radian [m].
 
         Args:
             pull: At the guide [N], shape (n,).
             wound_angle: [rad], shape (n,).
             slope: dz/dtheta of the lay [m/rad], shape (n,).
+            raised: Height above cable on the bare cylinder [m], one or shape (n,).
         """
-        return self._law.density(self.span_tension(pull, wound_angle), slope)
+        return self._law.density(self.span_tension(pull, wound_angle), slope, raised)
 
     def highest_pull(self, wanted: float) -> float:
         """Return the largest pull [N] up to a wanted one that the material carries."""

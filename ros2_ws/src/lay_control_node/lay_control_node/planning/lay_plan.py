@@ -52,7 +52,7 @@ class LayPlan:
     what: ResolvedCondition  # What is wound
     limits: PlanLimits  # Of the machine
     lag: float  # Of the lay behind the guide [rad], free length over centreline radius
-    radius: float  # Of the wound cable's centreline [m]
+    radius: float  # Of the wound cable's centreline [m]; both on the bare cylinder
     width: float  # Of the kernel that rounds the corners [rad]
     speed: float  # Of the cylinder where nothing slows it [rad/s]
     motion: Motion  # Of both axes

@@ -24,6 +24,7 @@ class Track:
     t: Array  # Real times [s], not descending, shape (n,)
     theta: Array  # Wound angles [rad], shape (n,)
     slope: Array  # dz/dtheta of the lay [m/rad], shape (n,)
+    raised: Array  # Height above cable on the bare cylinder [m], shape (n,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,7 +166,7 @@ class PullPlanner:
     def _laid(self, actual: Array) -> Array:
         """Return the undeformed cable laid so far [m], shape (n,)."""
         track = self._track
-        rate = self._cable.per_radian(actual, track.theta, track.slope)
+        rate = self._cable.per_radian(actual, track.theta, track.slope, track.raised)
         pieces = 0.5 * (rate[1:] + rate[:-1]) * np.diff(track.theta)
         return np.concatenate([[0.0], np.cumsum(pieces)])
 

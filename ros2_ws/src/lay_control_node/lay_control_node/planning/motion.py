@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -35,6 +36,7 @@ class Slowing:
 
     step: float  # Spacing of the coefficients [s] of the motion's own time
     shares: Array  # Coefficients, shape (n,); share of the speed
+    asked: Array  # The same if no limit of the machine slowed it, shape (n,)
     _times: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -50,6 +52,11 @@ class Slowing:
     def end(self) -> float:
         """Real time at the last coefficient [s]."""
         return float(self._times[-1])
+
+    @property
+    def slowest(self) -> float:
+        """Smallest share of the speed that was asked for, at which it is run through."""
+        return float((self.shares / self.asked).min())
 
     def share(self, own: Array) -> Array:
         """Return the share of the speed at the motion's own times [s], same shape."""
@@ -87,7 +94,9 @@ class Slowing:
         return np.asarray(own)
 
 
-def slowed(rates: tuple[tuple[Array, ...], ...], most: Array, step: float, reach: int) -> Slowing:
+def slowed(
+    rates: tuple[tuple[Array, ...], ...], most: Array, step: float, reach: int, cap: Array
+) -> Slowing:
     """Return how a motion must be slowed so that every rate keeps its limit.
 
     Args:
@@ -96,17 +105,17 @@ def slowed(rates: tuple[tuple[Array, ...], ...], most: Array, step: float, reach
         most: Their limits in the same order, flat, shape (count of rates,).
         step: Of the motion's own time from sample to sample [s].
         reach: Samples over which the speed may change to either side.
+        cap: Largest share of the speed that is asked for, shape (n,).
 
     Raises:
         TooFastError: A limit is not kept at a thousandth of the speed.
     """
-    cap = np.ones(rates[0][0].size)
-    shares = cap
+    wanted = _smooth_below(cap, reach)
     for _ in range(_ROUNDS):
         shares = _smooth_below(cap, reach)
         asked = _asked(rates, most, _derivatives(shares, step))
         if (asked <= 1.0).all():
-            return Slowing(step=step, shares=shares)
+            return Slowing(step=step, shares=shares, asked=wanted)
         cap = np.maximum(np.minimum(cap, shares / np.maximum(asked, 1.0) ** 1.02), 0.0)
         if cap.min() < _LEAST:
             break
@@ -244,7 +253,7 @@ class Motion:
     @property
     def lost(self) -> float:
         """Time that slowing costs [s]."""
-        return self.end - self.slowing.step * (self.slowing.shares.size - 1)
+        return self.end - replace(self.slowing, shares=self.slowing.asked).end
 
     def at(self, t: Array) -> tuple[Array, Array, Array, Array]:
         """Return cylinder angle [rad], its speed [rad/s], guide [m], its speed [m/s] at times [s].
@@ -273,6 +282,7 @@ def motion_along(
     limits: PlanLimits,
     *,
     together: bool,
+    share: Callable[[Array], Array] = np.ones_like,
 ) -> Motion:
     """Return the motion along a path, slower than the speed only where a limit asks for it.
 
@@ -284,6 +294,7 @@ def motion_along(
         limits: Of the machine.
         together: Whether the guide takes its place ahead of the cable while the cylinder ramps,
             or before it turns.
+        share: Of the speed that is asked for at wound angles [rad], same shape.
 
     Raises:
         UnreachableError: No speed keeps the limits, or the motion is too long to be planned.
@@ -291,12 +302,12 @@ def motion_along(
     best: Motion | None = None
     for _ in range(_HALVINGS):
         try:
-            found = _motion(path, angle, speed, ramp, limits, together=together)
+            found = _motion(path, angle, speed, ramp, limits, together, share)
         except TooFastError:
             found = None
         if best is not None and (found is None or found.end >= best.end):
             return best
-        if found is not None and found.slowing.shares.min() > _MUCH_SLOWED:
+        if found is not None and found.slowing.slowest > _MUCH_SLOWED:
             return found
         # What has to be slowed by much is often sooner done at an even, lower speed.
         best, speed = found, 0.5 * speed
@@ -313,8 +324,8 @@ def _motion(
     speed: float,
     ramp: float,
     limits: PlanLimits,
-    *,
     together: bool,
+    share: Callable[[Array], Array],
 ) -> Motion:
     course = CylinderCourse.over(angle, speed, ramp, limits.cylinder_acceleration * USED)
     approach = _approach_time(abs(float(path.at(0.0))), limits)
@@ -333,7 +344,7 @@ def _motion(
         )
     step = end / count
     own: Array = np.linspace(0.0, end, count + 1)
-    cylinder = course.at(own)[1:3]
+    theta, *cylinder = course.at(own)[:3]
     guide = _guide(path, course, approach, own)[1:]
     most = USED * np.array(
         [
@@ -345,7 +356,7 @@ def _motion(
         ]
     )
     reach = math.ceil(_SLOWING_TIME / step)
-    slowing = slowed((cylinder, guide), most, step, reach)
+    slowing = slowed((tuple(cylinder), guide), most, step, reach, share(theta))
     return Motion(path=path, course=course, approach=approach, slowing=slowing)
 
 

@@ -87,7 +87,9 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
         "friction": f"friction {plan.what.friction:.4g} holds no sharper turn",
         "jerk": f"the carriage's jerk may be {limits.carriage_jerk:.4g} m/s^3",
     }[name]
-    reported = sorted(plan.corners, key=lambda item: -abs(item.rounding))[:_MOST_CORNERS]
+    # Every turn of a drum has the same ones.
+    most = 1 if plan.program.layered else _MOST_CORNERS
+    reported = sorted(plan.corners, key=lambda item: -abs(item.rounding))[:most]
     for corner in sorted(reported, key=lambda item: item.theta):
         text = (
             f"the corner at turn {corner.theta / FULL_TURN:.2f} is rounded by "
@@ -104,12 +106,12 @@ def _corners(plan: LayPlan, demands: Mapping[str, float]) -> Iterator[str]:
             )
         yield text
     if len(plan.corners) > len(reported):
-        yield f"{len(plan.corners) - len(reported)} more corners are rounded by less"
+        yield f"{len(plan.corners) - len(reported)} more corners are rounded by no more"
 
 
 def _slowing(plan: LayPlan) -> Iterator[str]:
     lost = plan.motion.lost
-    slowest = float(plan.motion.slowing.shares.min())
+    slowest = plan.motion.slowing.slowest
     if slowest < 0.98:
         yield (
             f"the cylinder is slowed down to {slowest:.2g} of its speed, {lost:.2g} s in all, so "
@@ -121,7 +123,7 @@ def _slipping(plan: LayPlan) -> Iterator[str]:
     # Cable on a cylinder holds a path of geodesic curvature z''/rho^2 against the pressure of its
     # own curvature 1/rho with friction z''/rho.
     line = smoothed_program(plan.program, plan.width)
-    needed = np.abs(line.at(plan.theta, 2)) / plan.radius
+    needed = np.abs(line.at(plan.theta, 2)) / (plan.radius + plan.program.raised_at(plan.theta))
     worst = int(np.argmax(needed))
     if needed[worst] > SLIPPING * plan.what.friction:
         yield (
@@ -132,7 +134,7 @@ def _slipping(plan: LayPlan) -> Iterator[str]:
 
 
 def _crossings(plan: LayPlan) -> Iterator[str]:
-    found = crossings(plan.program)
+    found = () if plan.program.layered else crossings(plan.program)
     if found:
         yield (
             f"the cable crosses cable that lies there already {len(found)} times, first at turn "

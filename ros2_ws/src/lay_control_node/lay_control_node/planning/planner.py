@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.guide_path import guide_path, lay_of, within
+from lay_control_node.planning.guide_path import guide_path, lay_of, layer_lag, within
 from lay_control_node.planning.lay_on import StretchedCable
 from lay_control_node.planning.lay_plan import LayPlan
 from lay_control_node.planning.limits import PlanLimits
@@ -44,6 +44,7 @@ def plan_lay(
     residual_limit: float | None = None,
     together: bool = False,
     lag: float | None = None,
+    even_cable: bool = False,
 ) -> LayPlan:
     """Return the motion that lays a program, with what will lie where.
 
@@ -57,18 +58,22 @@ def plan_lay(
         limits: Of the machine.
         residual_limit: By how much a corner may be rounded [m]; the cylinder is slowed for it.
         together: Whether guide and cylinder start together, or the guide takes its place first.
-        lag: Of the lay behind the guide [rad]; None for free length over centreline radius.
+        lag: Of the lay behind the guide on the bare cylinder [rad]; None for free length over
+            centreline radius.
+        even_cable: Whether the cable keeps on every layer the speed that it has on the first, and
+            the cylinder turns slower there.
 
     Raises:
-        LayProgramError: Turns would overlap, or the program leaves the carriage's travel or asks
-            for a marker that is not on the cable.
+        LayProgramError: Turns would overlap, layers would reach the guide, or the program leaves
+            the carriage's travel or asks for a marker that is not on the cable.
         UnreachableError: No motion keeps the limits.
         ValueError: The residual limit is not positive.
     """
     if residual_limit is not None and not residual_limit > 0.0:
         raise ValueError(f"the residual limit must be positive, got {residual_limit} m")
     case = what.case
-    refuse_overlap(program, case.cable_diameter)
+    if not program.layered:
+        refuse_overlap(program, case.cable_diameter)
     refuse_beyond(program, *limits.travel)
     if program.markers and max(program.markers) > case.marker_count:
         raise LayProgramError(
@@ -77,22 +82,30 @@ def plan_lay(
         )
     cable = StretchedCable(what=what)
     lag = what.free_length / cable.wound_radius if lag is None else lag
-    straight = guide_path(program, lag, 0.0)
+    rho = cable.wound_radius
+    straight = guide_path(program, layer_lag(lag, rho, program.raised[:-1]), 0.0)
     path = within(straight, *limits.travel)
     speed = _steady_speed(program, what.drive.angular_speed, limits)
     by_carriage = needed_width(path, speed, limits)
     line = smoothed_program(program, by_carriage)
-    by_friction = width_without_slip(line, cable.wound_radius, what.friction)
+    by_friction = width_without_slip(line, rho, what.friction)
     full = max(by_carriage, by_friction)
     line = replace(line, width=full)
     width = full
     if residual_limit is not None:
         width = width_within(line, _OF_LIMIT * residual_limit, full)
     path = replace(path, width=width)
-    motion = motion_along(path, program.end, speed, what.drive.ramp_time, limits, together=together)
+
+    def share(theta: Array) -> Array:
+        """Return the share of the first layer's speed with which the cylinder turns."""
+        return np.asarray(rho / (rho + even_cable * program.raised_at(theta)))
+
+    ramp = what.drive.ramp_time
+    motion = motion_along(path, program.end, speed, ramp, limits, together=together, share=share)
     t, theta, guide = motion.grid()
-    predicted = lay_of(theta, guide, lag)
-    slope = (guide - predicted) / lag
+    lags = layer_lag(lag, rho, program.raised_at(theta))
+    predicted = lay_of(theta, guide, lags[:-1])
+    slope = (guide - predicted) / lags
     track, pulls = _pulls(program, cable, limits, (t, theta, slope))
     rounded = replace(line, width=width)
     at_half = width / full * max(needed_width(path, 0.5 * speed, limits), by_friction)
@@ -101,13 +114,13 @@ def plan_lay(
         what=what,
         limits=limits,
         lag=lag,
-        radius=cable.wound_radius,
+        radius=rho,
         width=width,
         speed=speed,
         motion=motion,
         theta=theta,
         predicted=predicted,
-        uncompensated=lay_of(theta, program.z_at(theta), lag),
+        uncompensated=lay_of(theta, program.z_at(theta), lags[:-1]),
         corners=corners(rounded, replace(line, width=at_half)),
         track=track,
         pulls=pulls,
@@ -140,7 +153,8 @@ def _pulls(
     turning = np.searchsorted(theta, np.arange(0.0, theta[-1], _TRACK_STEP))
     before = np.linspace(0, max(standing, 0), _STANDING_SAMPLES).astype(int)
     kept = np.unique(np.concatenate([before, turning, [theta.size - 1]]))
-    track = Track(t=t[kept], theta=theta[kept], slope=slope[kept])
+    raised = program.raised_at(theta[kept])
+    track = Track(t=t[kept], theta=theta[kept], slope=slope[kept], raised=raised)
     weight = cable.what.case.weight
     given = program.tension_at(track.theta)
     given = np.where(np.isnan(given), weight, given)
