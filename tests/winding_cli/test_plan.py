@@ -16,6 +16,9 @@ RUNNER = CliRunner()
 HELIX = ["--case", "4", "--pitch-mm", "18", "--turns", "3"]
 
 
+DRUM = ["--case", "4", "--drum-width-mm", "60", "--flange-mm", "20"]
+
+
 def plan(*words: str) -> tuple[int, str]:
     done = RUNNER.invoke(app, ["plan", *words])
     return done.exit_code, done.output
@@ -94,6 +97,36 @@ def test_a_tolerance_that_is_not_kept_ends_with_one(tmp_path: Path) -> None:
     assert "the cylinder is slowed" in output
 
 
+def test_a_drum_is_filled_at_one_speed_of_the_cable_under_a_falling_pull(tmp_path: Path) -> None:
+    record_file, table = tmp_path / "drum.json", tmp_path / "drum.csv"
+    winding = ["--winding", "parallel", "--layers", "3", "--layer-pull-share", "0.9"]
+    files = ["--output", str(record_file), "--output", str(table)]
+    code, output = plan(*DRUM, *winding, "--cable-speed-mm-s", "40", *files)
+    assert code == 0
+    assert "3 parallel layers at a pitch of 4 mm" in output
+    drum = json.loads(record_file.read_text(encoding="utf-8"))["drum"]
+    layers = drum["layers"]
+    rho = np.array([row["radius_m"] for row in layers])
+    speed = np.array([row["cylinder_speed_rad_s"] for row in layers])
+    pull = np.array([row["pull_n"] for row in layers])
+    # The stretched cable is thinner than the one that layers are counted with, by less than this.
+    assert rho * speed == pytest.approx(0.04, rel=0.02)
+    assert pull / pull[0] == pytest.approx([1.0, 0.9, 0.81])
+    length = 14.0 * np.hypot(2.0 * np.pi * rho, 4.0e-3) + np.pi * rho * [1.0, 1.0, 0.0]
+    assert [row["length_m"] for row in layers] == pytest.approx(length.tolist())
+    assert drum["length_m"] > drum["undeformed_length_m"] > 0.8 * drum["length_m"]
+    assert drum["filled_diameter_m"] == pytest.approx(0.030 + 8.0e-3 * (1.0 + np.sqrt(3.0)))
+    with table.open(encoding="utf-8") as file:
+        rows = [{name: float(cell) for name, cell in row.items()} for row in csv.DictReader(file)]
+    assert rows[-1]["cylinder_rad"] / (2.0 * np.pi) == pytest.approx(drum["turns"])
+    for row in layers:
+        middle = np.pi * (row["first_turn"] + row["last_turn"])
+        at = next(k for k, item in enumerate(rows) if item["cylinder_rad"] > middle)
+        turned = rows[at + 50]["cylinder_rad"] - rows[at]["cylinder_rad"]
+        assert turned / 0.5 == pytest.approx(row["cylinder_speed_rad_s"], rel=1e-6)
+        assert rows[at]["tension_n"] == pytest.approx(row["pull_n"], abs=1e-5)
+
+
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
@@ -114,6 +147,18 @@ def test_a_tolerance_that_is_not_kept_ends_with_one(tmp_path: Path) -> None:
         ([*HELIX, "--period-ms", "0"], "--period-ms must lie in 1 to 1000"),
         ([*HELIX, "--element", "solid"], "wound with the rod"),
         (["--case", "4", "--pitch-mm", "18", "--turns", "nan"], "turns must lie above 0"),
+        (["--case", "4", "--layers", "2"], "a drum needs --drum-width-mm and --flange-mm"),
+        (["--case", "4", "--drum-width-mm", "60"], "--flange-mm is missing"),
+        ([*DRUM], "say once how much goes on the drum"),
+        ([*DRUM, "--layers", "9"], "9 layers would pass the flanges, 20 mm high: they hold 5"),
+        ([*DRUM, "--length-m", "90"], "90 m of cable would pass the flanges"),
+        ([*DRUM, "--layers", "2", "--even"], "a drum has a program of its own"),
+        ([*DRUM, "--layers", "2", "--solver"], "the rod winds one layer"),
+        ([*DRUM, "--layers", "2", "--edge-dwell-turns", "0.2"], "orthocyclic winding has no --ed"),
+        ([*DRUM, "--layers", "2", "--pitch-mm", "7"], "no wider than 1.7 diameters, 6.8 mm"),
+        ([*DRUM, "--layers", "2", "--winding", "wild"], "must be one of orthocyclic, parallel, cr"),
+        ([*DRUM, "--layers", "2", "--no-brake", "--layer-pull-share", "0.9"], "layer 2 would be p"),
+        ([*DRUM, "--layers", "2", "--carriage-travel-mm", "-9,50"], "the carriage travels from -9"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(words: list[str], sentence: str) -> None:

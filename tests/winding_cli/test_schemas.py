@@ -49,6 +49,7 @@ OUTPUTS = [
     ("predict", PREDICT),
     ("predict", ("predict", "--case", 4, "--duration-s", 8, "--richardson")),
     ("plan", ("plan", "--case", 4, "--pitch-mm", 18, "--turns", 2, "--markers-every-turn")),
+    ("plan", ("plan", "--case", 4, "--drum-width-mm", 30, "--flange-mm", 10, "--layers", 2)),
     ("identify", ("identify", "--tensile", "tensile.csv")),
     ("verify", ("verify", "B01")),
     ("study", ("study", "--cases", 4, "--fem", "published")),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 # One such unit in SI.
@@ -39,6 +40,7 @@ class Unit:
 
 PLAIN = Unit()
 PATH = Unit(path=True)
+LONG_LENGTH = Unit(symbol="m", si="m", suffix="m")
 LENGTH = Unit(symbol="mm", si="m", scale=MILLIMETRE, suffix="mm")
 STRESS = Unit(symbol="MPa", si="Pa", scale=MEGAPASCAL, suffix="mpa")
 FORCE = Unit(symbol="N", si="N", suffix="n")
@@ -52,6 +54,7 @@ TIME = Unit(symbol="s", si="s", suffix="s")
 SHORT_TIME = Unit(symbol="ms", si="s", scale=MILLISECOND, suffix="ms")
 ROW_TIME = Unit(symbol="µs", si="s", scale=MICROSECOND, suffix="us")
 ANGLE = Unit(symbol="rad", si="rad", suffix="rad")
+TURNS = Unit(symbol="turns", si="rad", scale=2.0 * math.pi, suffix="turns")
 SMALL_ANGLE = Unit(symbol="mrad", si="rad", scale=MILLIRADIAN, suffix="mrad")
 SIZE = Unit(symbol="MB", si="B", scale=MEGABYTE, suffix="mb")
 HUE = Unit(symbol="deg", si="deg", suffix="deg")

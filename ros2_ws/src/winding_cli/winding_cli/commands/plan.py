@@ -12,6 +12,7 @@ import numpy as np
 import typer
 
 from lay_control_node.planning.lay_plan import FULL_TURN, csv_text, plan_record, plan_turns
+from winding_cli.offline.filled_drum import print_drum
 from winding_cli.terminal.console import Shown, busy, known, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
@@ -24,6 +25,7 @@ from winding_cli.terminal.output_path import (
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE
+from winding_study.plans.drum_plan import DrumParameters, drum_record
 from winding_study.plans.plan_parameters import PlanParameters
 from winding_study.run_parameters import RunParameters
 
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from lay_control_node.control.expected_landing import ExpectedLanding
     from lay_control_node.planning.lay_plan import LayPlan
     from winding_core.cable.condition import ResolvedCondition
+    from winding_core.lay.layers import WoundDrum
     from winding_core.lay.program import LayProgram
     from winding_study.plans.solver_check import SolverLay
 
@@ -42,10 +45,11 @@ STARTS = ("first", "together")
 _FIRST, _LATER = 0.02 * FULL_TURN, 0.01 * FULL_TURN
 
 
-@with_options(RunParameters, PlanParameters)
+@with_options(RunParameters, PlanParameters, DrumParameters)
 def plan(
     typed: Typed,
     typed_limits: Typed,
+    typed_drum: Typed,
     *,
     program: Annotated[
         Path | None,
@@ -55,7 +59,8 @@ def plan(
         bool, typer.Option("--even", help="An even helix of the condition's own pitch.")
     ] = False,
     pitch_mm: Annotated[
-        float | None, typer.Option(help="An even helix of this pitch, in mm.")
+        float | None,
+        typer.Option(help="An even helix of this pitch, or that of turns on a drum, in mm."),
     ] = None,
     turns: Annotated[
         float | None,
@@ -80,8 +85,11 @@ def plan(
         typer.Option("--slow-down", help="Slow the cylinder at corners to keep the tolerance."),
     ] = False,
     solver: Annotated[
-        bool, typer.Option("--solver/--no-solver", help="Wind the plan with the rod as well.")
-    ] = True,
+        bool | None,
+        typer.Option(
+            "--solver/--no-solver", help="Wind the plan with the rod as well, except on a drum."
+        ),
+    ] = None,
     picture: Annotated[Path | None, typer.Option(help="Draw the plan: .png, .svg or .pdf.")] = None,
     json_file: Json = None,
     csv_file: Annotated[
@@ -107,12 +115,27 @@ def plan(
     laid: SolverLay | None = None
     with refused(ValueError), refused(SolverError, code=FAILED):
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
+        drum = DrumParameters.from_typed(typed_drum, spelling=spelled)
+        if drum is not None and solver:
+            refuse("the rod winds one layer, and not between flanges: leave out --solver")
+        solver = drum is None if solver is None else solver
         if solver and parameters.element != "rod":
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
         what = parameters.resolved(spelled)
         limits = PlanParameters.from_typed(typed_limits, spelling=spelled).limits()
         config = parameters.config_of(what, mass_scaling=1.0)
-        wanted = _wanted(program, what, even, pitch_mm, turns, markers_every_turn)
+        wound: WoundDrum | None = None
+        if drum is None:
+            wanted = _wanted(program, what, even, pitch_mm, turns, markers_every_turn)
+        else:
+            if program is not None or even or turns is not None or markers_every_turn:
+                refuse(
+                    "a drum has a program of its own: leave out the file, --even, --turns and "
+                    "--markers-every-turn"
+                )
+            what = drum.paced(what)
+            wound = drum.wind(what, None if pitch_mm is None else pitch_mm * MILLIMETRE)
+            wanted = drum.program(wound, what, limits)
         plan_with = functools.partial(
             plan_lay,
             wanted,
@@ -120,6 +143,7 @@ def plan(
             limits,
             residual_limit=tolerance_mm * MILLIMETRE if tolerance_mm and slow_down else None,
             together=start == "together",
+            even_cable=wound is not None,
         )
         if solver:
             from winding_study.plans.solver_check import plan_with_solver
@@ -129,12 +153,14 @@ def plan(
         else:
             planned = plan_with()
         controlled = _controlled(planned)
-    print_plan(result_console(), planned, laid, controlled)
+    filled = None if wound is None else drum_record(planned, wound)
+    print_plan(result_console(), planned, laid, controlled, filled)
     missed = verdict(planned, laid, tolerance_mm)
     record = plan_record(planned)
     record |= {
         "solver": solver_record(laid),
         "under_control": control_record(controlled),
+        "drum": filled,
         "tolerance_mm": tolerance_mm,
         "missed": missed,
     }
@@ -227,9 +253,13 @@ def print_plan(
     plan: LayPlan,
     solver: SolverLay | None,
     controlled: tuple[ExpectedLanding, ...] = (),
+    drum: dict[str, Any] | None = None,
 ) -> None:
-    """Print the lay turn by turn, the markers, and what is out of reach."""
-    console.print(_turns(plan, solver))
+    """Print the lay turn by turn or layer by layer, the markers, and what is out of reach."""
+    if drum is None:
+        console.print(_turns(plan, solver))
+    else:
+        print_drum(console, drum)
     if any(math.isfinite(item.wanted) for item in plan.landings):
         console.print(_markers(plan, solver, controlled))
     planned, uncompensated = (value / MILLIMETRE for value in plan.rms())

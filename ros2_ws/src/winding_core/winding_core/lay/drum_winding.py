@@ -139,7 +139,8 @@ class DrumWinding:
                 angle = np.append(angle[angle < end - ROUNDING], end)
                 steps = np.hypot(radii[k] * np.diff(angle), np.diff(place))
             theta.append(begun + angle[1:])
-            z.append(drum.sign * place[1:])
+            # A negative zero would show as one.
+            z.append(drum.sign * place[1:] + 0.0)
             layer[-1][-1] = k
             layer.append(np.full(angle.size - 1, k))
             begun, done = begun + float(angle[-1]), done + float(steps.sum())
@@ -197,6 +198,8 @@ def _wound(
     for k, radius in enumerate(radii.tolist()):
         inside = np.flatnonzero(layer[:-1] == k)
         start, end = float(theta[inside[0]]), float(theta[inside[-1] + 1])
+        # The last of an orthocyclic one crosses to the next layer already.
+        reached = inside[-1] + (winding != "orthocyclic")
         begun = start + FULL_TURN * np.arange(math.ceil((end - start) / FULL_TURN - ROUNDING))
         layers.append(
             Layer(
@@ -206,6 +209,7 @@ def _wound(
                 direction=int(drum.sign) * (1 if k % 2 == 0 else -1),
                 radius=radius,
                 z=np.interp(begun, theta, z),
+                last_z=float(z[reached]),
                 length=float(steps[inside].sum()),
             )
         )

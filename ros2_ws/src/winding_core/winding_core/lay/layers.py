@@ -69,6 +69,7 @@ class Layer:
     direction: int  # Of the traverse along z: 1 or -1.
     radius: float  # Of its centre line [m].
     z: Array  # Of its turns where each begins [m], shape (turns begun,).
+    last_z: float  # Where its traverse ends [m].
     length: float  # Of the cable in it [m].
 
 
