@@ -43,6 +43,17 @@ def test_crossing_layers_rise_by_the_mean_over_their_way_across(pitch: float) ->
     assert layer_rise("parallel", D, p) < mean < D
 
 
+def test_a_crossing_turn_lies_on_the_nearest_turn_of_the_opposite_helix() -> None:
+    pitch, below = 1.2 * D, 0.02
+    theta = np.linspace(0.0, TURN, 100_001)
+    upper, lower = below - pitch * theta / TURN, pitch * theta / TURN
+    from_nearest = (upper - lower + 0.5 * pitch) % pitch - 0.5 * pitch
+    resting = np.sqrt(D**2 - from_nearest**2)
+    # The trapezoid of a smooth function with two kinks: the square of the step.
+    assert layer_rise("cross", D, pitch) == pytest.approx(np.mean(resting), rel=1e-5)
+    assert np.ptp(resting) == pytest.approx(0.2 * D, rel=1e-4)
+
+
 @pytest.mark.parametrize("winding", ["parallel", "cross"])
 def test_a_layer_is_as_long_as_its_turns_and_its_dwell(winding: str) -> None:
     pitch, dwell = 1.2 * D, 0.4 * TURN
