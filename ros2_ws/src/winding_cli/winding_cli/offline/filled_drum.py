@@ -22,7 +22,7 @@ _LAYERS = (
     Shown("cable, m", "length_m", ".3f"),
     Shown("in all, m", "in_all_m", ".3f"),
     Shown("pull, N", "pull_n", ".3f"),
-    Shown("cylinder, rad/s", "cylinder_speed_rad_s", ".3f"),
+    Shown("drum, rad/s", "cylinder_speed_rad_s", ".3f"),
 )
 
 

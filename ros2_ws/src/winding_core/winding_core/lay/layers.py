@@ -42,10 +42,10 @@ def layer_rise(winding: str, cable_diameter: float, pitch: float) -> float:
     if winding not in WIDEST_PITCH:
         raise DrumError(f"the winding must be one of {', '.join(WINDINGS)}, got {winding!r}")
     d, p, widest = cable_diameter, pitch, WIDEST_PITCH[winding]
-    if p < d * (1.0 - ROUNDING):
+    if not p >= d * (1.0 - ROUNDING):
         raise DrumError(
-            f"a pitch of {p / MILLIMETRE:.4g} mm is less than the cable's diameter of "
-            f"{d / MILLIMETRE:.4g} mm: neighbours would overlap"
+            f"a pitch of {p / MILLIMETRE:.4g} mm is not the cable's diameter of "
+            f"{d / MILLIMETRE:.4g} mm or more: neighbours would overlap"
         )
     if p > widest * d * (1.0 + ROUNDING):
         raise DrumError(
