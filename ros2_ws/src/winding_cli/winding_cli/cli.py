@@ -16,6 +16,8 @@ CLOSED_PIPE = 141
 def main() -> None:
     """Entry point of the console script."""
     watch_signals()
+    # Sums are those of a node's process, so that a bag replays to the last bit.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from winding_cli.app import app
 
     code: object = 0

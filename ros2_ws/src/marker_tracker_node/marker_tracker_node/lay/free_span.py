@@ -19,6 +19,9 @@ IndexArray = NDArray[np.int64]
 # Angles of so many looks err alike: the span lies on the same pixels. No picture's scale along the
 # span is known better than by this share.
 ALIKE, SCALE_DOUBT = 4.0, 0.003
+# A span that moves by less than a pixel over its rows looks steeper or less steep than it is: how
+# far angles so far apart as those of a run err differently [rad].
+TREND = 1.0e-4
 
 
 class FreeSpan(NamedTuple):
@@ -214,7 +217,8 @@ class FreeLength:
         Args:
             roll_doubt: How far the picture may be turned [rad].
         """
-        self._normal = np.diag([0.0, 1.0 / roll_doubt**2])
+        self._roll = 1.0 / roll_doubt**2
+        self._normal = np.diag([0.0, self._roll])
         self._right = np.zeros(2)
 
     def add(self, span: FreeSpan, guide_z: float) -> None:
@@ -236,7 +240,10 @@ class FreeLength:
             return math.nan, math.nan
         covariance = np.linalg.pinv(self._normal)
         inverse = float((covariance @ self._right)[0])
-        sigma = math.sqrt(max(float(covariance[0, 0]), 0.0))
+        weight = float(self._normal[1, 1]) - self._roll
+        spread = float(self._normal[0, 0] / weight - (self._normal[0, 1] / weight) ** 2)
+        trend = TREND**2 / spread if spread > 0.0 else math.inf
+        sigma = math.sqrt(max(float(covariance[0, 0]), 0.0) + trend)
         if inverse <= 3.0 * sigma:
             return math.nan, math.nan
         return 1.0 / inverse, math.hypot(sigma / inverse, SCALE_DOUBT) / inverse

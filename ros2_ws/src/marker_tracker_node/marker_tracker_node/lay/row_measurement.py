@@ -44,6 +44,9 @@ COARSE_SIGMA = 0.4
 SYSTEMATIC = 0.06
 # An edge is fitted within this share of half a turn on both its sides, but not less than [px].
 FITTED_SHARE, FITTED_LEAST = 0.6, 3.2
+# A gap that is narrower than a pixel or two looks like the crease of turns that touch, half of it
+# beyond the rim of either [px].
+GAP_DOUBT = 0.35
 # By which share of half a turn its configured width may be off.
 WIDTH_DOUBT = 0.02
 
@@ -115,11 +118,13 @@ def measure_row(
             width_below = last[part + 1] - first[part + 1] if touched_below else math.inf
             cable_below = touched_below and kinds[part + 1] != HIDDEN_ABOVE
             low, low_sigma = _edge(signal, first[part], own, width_below, wide, cable_below, True)
+            low_sigma = math.hypot(low_sigma, GAP_DOUBT * cable_below)
         high, high_sigma = math.nan, math.nan
         if kind != HIDDEN_ABOVE:
             width_above = last[part - 1] - first[part - 1] if touched_above else math.inf
             cable_above = touched_above and kinds[part - 1] != HIDDEN_BELOW
             high, high_sigma = _edge(signal, last[part], own, wide, width_above, True, cable_above)
+            high_sigma = math.hypot(high_sigma, GAP_DOUBT * cable_above)
         if kind == WHOLE:
             # Edges that are known as well weigh the same, however wide the turn looks.
             doubt = WIDTH_DOUBT * own
