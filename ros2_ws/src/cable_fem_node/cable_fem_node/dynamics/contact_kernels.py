@@ -1,13 +1,19 @@
-"""Contact with a turning rigid cylinder about the z axis: penalty, Coulomb, stick with memory."""
+"""Contact with a turning rigid cylinder about the z axis, and with the cable that is wound on it.
+
+Penalty, Coulomb, stick with memory.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
-from cable_fem_node.dynamics.compile import kernel
+from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.state import (
+    BELOW_ROWS,
     LOSS_CONTACT,
     LOSS_FRICTION,
+    PUSHES,
     WORK_SURFACE,
     ContactLaw,
     FloatArray,
@@ -19,123 +25,252 @@ from cable_fem_node.dynamics.state import (
 _RETURN = 0.25
 
 
-@kernel
-def touch_cylinder(
+def _touching(wound: bool) -> Callable[..., None]:
+    """Return the contact of a bare cylinder, or of one with cable below its nodes.
+
+    Compiled apart: what only cable below needs costs a fifth of the other.
+    """
+
+    def touch(
+        begin: int,
+        end: int,
+        dt: float,
+        surface: Surface,
+        points: Points,
+        mass: FloatArray,
+        net: FloatArray,
+        couple: FloatArray,
+        k: ContactLaw,
+        ledger: FloatArray,
+    ) -> None:
+        """Add the cylinder's push and friction to the net forces of nodes.
+
+        Cable below pushes along the line between both centre lines, in the plane of a node and the
+        axis. Normal penalty with dashpot; a stick spring per node that remembers how far the node
+        has moved over the turning surface, cut back to Coulomb's limit (return mapping).
+
+        A force acts in both steps that meet where it is taken, so that its work needs the
+        velocities before and after; the latter follows from the net force, of which contact is the
+        last part.
+
+        Args:
+            begin: First node that may touch.
+            end: One past the last.
+            dt: Step [s].
+            surface: Of the cylinder.
+            points: State; stick springs and contact flags are changed.
+            mass: Of the nodes (nodes,) [kg].
+            net: Net forces (3, nodes) [N], added to.
+            couple: Friction's torque about the cable's axis (nodes,) [N m], set.
+            k: Constants of the contact.
+            ledger: Energies [J], added to.
+        """
+        x, v, slip, roll = points.position, points.velocity, points.slip, points.roll
+        touching, contact_radius, below = points.touching, points.contact_radius, points.below
+        if wound:
+            _press(begin, end, dt, surface.landing, points, k, ledger)
+        stick = k.stick_stiffness
+        per_stick = 1.0 / stick
+        dashpot = k.stick_damping / dt
+        turned, turning, edge = surface.turned, surface.turning, surface.edge
+        lever = k.cable_radius if surface.rolling else 0.0
+        work = 0.0
+        sliding = 0.0
+        bouncing = 0.0
+        square_landing = surface.landing * surface.landing
+        # The chord of what turned with the surface, along the tangent at its end, over the radius.
+        # With the angle itself the springs of cable that lies still would creep.
+        chord = math.sin(turned)
+        for i in range(begin, end):
+            px, py = x[0, i], x[1, i]
+            square = px * px + py * py
+            held = touching[i] == 1
+            lies = wound and below[PUSHES, i] > 0.0
+            if not held:
+                if square >= square_landing and not lies:
+                    continue
+                touching[i] = 1
+                contact_radius[i] = surface.landing
+            radius = math.sqrt(square)
+            depth = contact_radius[i] - radius
+            slip_t, slip_z = slip[0, i], slip[1, i]
+            if depth <= 0.0 and not lies:
+                # A node that lifts off leaves its spring's energy behind as heat.
+                sliding += 0.5 * stick * (slip_t * slip_t + slip_z * slip_z)
+                touching[i] = 0
+                slip[0, i] = 0.0
+                slip[1, i] = 0.0
+                couple[i] = 0.0
+                continue
+            vx, vy = v[0, i], v[1, i]
+            inverse = 1.0 / radius
+            nx, ny = px * inverse, py * inverse
+            # The velocity is half a step old: on a turning surface it points off the tangent here.
+            # The dashpot acts on the rate of the radius itself, zero for a node that lies still.
+            outward = vx * nx + vy * ny
+            rising = outward - 0.5 * dt * (vx * vx + vy * vy) * inverse
+            normal, damped = 0.0, 0.0
+            if depth > 0.0 or not wound:
+                elastic = k.normal_stiffness * depth
+                normal = elastic - k.normal_damping * rising
+                if i >= edge:
+                    off = 2.0 * outward - rising + dt / mass[i] * (net[0, i] * nx + net[1, i] * ny)
+                    normal = min(normal, mass[i] / dt * (_RETURN * depth / dt - off))
+                normal = max(normal, 0.0)
+                damped = normal - elastic
+            if wound:
+                # Friction acts across the push, along the circumference and in the axis' plane.
+                up, along_z = normal + below[PUSHES + 2, i], below[PUSHES + 3, i]
+                normal += below[PUSHES + 1, i]
+                damped += below[PUSHES + 4, i]
+                whole = math.sqrt(up * up + along_z * along_z)
+                tr, tz = (-along_z / whole, up / whole) if along_z != 0.0 else (0.0, 1.0)
+            moved, aside = 0.0, 0.0
+            if held:
+                if i < surface.gripped or slip_t != 0.0:
+                    moved = (vy * nx - vx * ny) * dt - chord * radius
+                aside = (v[2, i] - lever * roll[1, i]) * dt
+                if wound:
+                    aside += (v[2, i] * (tz - 1.0) + rising * tr) * dt
+            slip_t += moved
+            slip_z += aside
+            grip = 0.0
+            ft, fz = -stick * slip_t, -stick * slip_z
+            size = ft * ft + fz * fz
+            most = k.friction * normal
+            way = moved * moved + aside * aside
+            if size > most * most:
+                # What moved against the spring and is not stored in it any more has become heat.
+                sliding += 0.5 * ((size - most * most) * per_stick - stick * way)
+                scale = most / math.sqrt(size)
+                ft *= scale
+                fz *= scale
+                slip_t *= scale
+                slip_z *= scale
+            else:
+                grip = dashpot
+                ft -= dashpot * moved
+                fz -= dashpot * aside
+            slip[0, i] = slip_t
+            slip[1, i] = slip_z
+            work += ft * radius
+            radial, axial = normal, fz
+            if wound:
+                radial, axial = up + fz * tr, along_z + fz * tz
+            net[0, i] += radial * nx - ft * ny
+            net[1, i] += radial * ny + ft * nx
+            net[2, i] += axial
+            gained = 0.5 * dt / mass[i]
+            pushed = gained * (net[0, i] * nx + net[1, i] * ny)
+            bouncing -= damped * (outward + pushed)
+            across = gained * net[2, i]
+            if wound:
+                bouncing -= below[PUSHES + 5, i] * (v[2, i] + across)
+                across = across * tz + pushed * tr
+            if grip > 0.0:
+                along = gained * dt * (net[1, i] * nx - net[0, i] * ny)
+                along -= 0.5 * (turning - turned) * radius
+                sliding += grip * (way + moved * along + aside * dt * across)
+            couple[i] = -fz * lever
+        ledger[WORK_SURFACE] += 0.5 * work * (turned + turning)
+        ledger[LOSS_FRICTION] += sliding
+        ledger[LOSS_CONTACT] += bouncing * dt
+
+    touch.__qualname__ = "touch_wound" if wound else "touch_cylinder"
+    return kernel(touch)
+
+
+touch_cylinder = _touching(wound=False)
+touch_wound = _touching(wound=True)
+
+
+@called
+def _press(
     begin: int,
     end: int,
     dt: float,
-    surface: Surface,
+    landing: float,
     points: Points,
-    mass: FloatArray,
-    net: FloatArray,
-    couple: FloatArray,
     k: ContactLaw,
     ledger: FloatArray,
 ) -> None:
-    """Add the cylinder's push and friction to the net forces of nodes.
-
-    Normal penalty with dashpot; a stick spring per node that remembers how far the node has
-    moved over the turning surface, cut back to Coulomb's limit (return mapping).
-
-    A force acts in both steps that meet where it is taken, so that its work needs the velocities
-    before and after; the latter follows from the net force, of which contact is the last part.
+    """Write how the cable below pushes nodes, rows PUSHES and following of `Points.below`.
 
     Args:
-        begin: First node that may touch.
-        end: One past the last.
-        dt: Step [s].
-        surface: Of the cylinder.
-        points: State; stick springs and contact flags are changed.
-        mass: Of the nodes (nodes,) [kg].
-        net: Net forces (3, nodes) [N], added to.
-        couple: Friction's torque about the cable's axis (nodes,) [N m], set.
-        k: Constants of the contact.
+        begin: First node.
+        end: Last node + 1.
+        dt: Time step [s].
+        landing: Radius at which free nodes touch the cylinder [m].
+        points: The nodes.
+        k: Constants.
+        ledger: Energies [J], added to where cable has turned up below a free node.
+    """
+    x, v, below = points.position, points.velocity, points.below
+    for i in range(begin, end):
+        if below[PUSHES, i] > 0.0:
+            below[PUSHES:, i] = 0.0
+        if below[2, i] == 0.0:
+            continue
+        held = points.touching[i] == 1
+        px, py, vx, vy = x[0, i], x[1, i], v[0, i], v[1, i]
+        radius = math.sqrt(px * px + py * py)
+        rising = (vx * px + vy * py - 0.5 * dt * (vx * vx + vy * vy)) / radius
+        # A node's radius is larger by what makes up for chords, and for the depth of the springs:
+        # in a valley that is twice as large as on the cylinder.
+        at = points.contact_radius[i] if held else landing
+        lower = (2.0 * at - k.chords - k.line) * k.line / radius
+        for first in range(0, PUSHES, BELOW_ROWS):
+            lean, apart = below[first + 2, i], below[first + 3, i]
+            if lean == 0.0:
+                break
+            a = radius - lower - below[first, i]
+            b = lean * (x[2, i] - below[first + 1, i])
+            square = a * a + b * b
+            if square >= apart * apart:
+                continue
+            far = math.sqrt(square)
+            a, b = a / far, lean * b / far
+            elastic = k.beside_stiffness * (apart - far)
+            push = max(elastic - k.beside_damping * (rising * a + v[2, i] * b), 0.0)
+            if not held:
+                ledger[WORK_SURFACE] += 0.5 * elastic * (apart - far)
+            below[PUSHES, i] = 1.0
+            below[PUSHES + 1, i] += push
+            below[PUSHES + 2, i] += push * a
+            below[PUSHES + 3, i] += push * b
+            below[PUSHES + 4, i] += (push - elastic) * a
+            below[PUSHES + 5, i] += (push - elastic) * b
+
+
+@called
+def touch_flanges(
+    begin: int, end: int, dt: float, points: Points, mass: FloatArray, net: FloatArray,
+    k: ContactLaw, ledger: FloatArray,
+) -> None:  # fmt: skip
+    """Add the push of the drum's flanges, without friction, to the net forces of nodes within.
+
+    Args:
+        begin: First node.
+        end: Last node + 1.
+        dt: Time step [s].
+        points: The nodes.
+        mass: Of the nodes [kg].
+        net: Net forces [N], shape (3, nodes), added to.
+        k: Constants.
         ledger: Energies [J], added to.
     """
-    x, v, slip, roll = points.position, points.velocity, points.slip, points.roll
-    touching, contact_radius = points.touching, points.contact_radius
-    stick = k.stick_stiffness
-    per_stick = 1.0 / stick
-    dashpot = k.stick_damping / dt
-    turned, turning, edge = surface.turned, surface.turning, surface.edge
-    lever = k.cable_radius if surface.rolling else 0.0
-    work = 0.0
-    sliding = 0.0
-    bouncing = 0.0
-    square_landing = surface.landing * surface.landing
-    # The chord of what turned with the surface, along the tangent at its end, over the radius. With
-    # the angle itself the springs of cable that lies still would creep.
-    chord = math.sin(turned)
+    x, v = points.position, points.velocity
+    square = k.rim * k.rim
     for i in range(begin, end):
-        px, py = x[0, i], x[1, i]
-        square = px * px + py * py
-        held = touching[i] == 1
-        if not held:
-            if square >= square_landing:
-                continue
-            touching[i] = 1
-            contact_radius[i] = surface.landing
-        radius = math.sqrt(square)
-        depth = contact_radius[i] - radius
-        slip_t, slip_z = slip[0, i], slip[1, i]
-        if depth <= 0.0:
-            # A node that lifts off leaves its spring's energy behind as heat.
-            sliding += 0.5 * stick * (slip_t * slip_t + slip_z * slip_z)
-            touching[i] = 0
-            slip[0, i] = 0.0
-            slip[1, i] = 0.0
-            couple[i] = 0.0
+        z, beyond = x[2, i], x[0, i] * x[0, i] + x[1, i] * x[1, i] - square
+        if k.low <= z <= k.high or beyond >= 0.0:
             continue
-        vx, vy = v[0, i], v[1, i]
-        inverse = 1.0 / radius
-        nx, ny = px * inverse, py * inverse
-        # The velocity is half a step old: on a turning surface it points off the tangent here. The
-        # dashpot acts on the rate of the radius itself, which is zero for a node that lies still.
-        outward = vx * nx + vy * ny
-        inward = 0.5 * dt * (vx * vx + vy * vy) * inverse - outward
-        elastic = k.normal_stiffness * depth
-        normal = elastic + k.normal_damping * inward
-        if i >= edge:
-            off = inward + 2.0 * outward + dt / mass[i] * (net[0, i] * nx + net[1, i] * ny)
-            normal = min(normal, mass[i] / dt * (_RETURN * depth / dt - off))
-        normal = max(normal, 0.0)
-        moved, aside = 0.0, 0.0
-        if held:
-            if i != edge or not surface.free or slip_t != 0.0:
-                moved = (vy * nx - vx * ny) * dt - chord * radius
-            aside = (v[2, i] - lever * roll[1, i]) * dt
-        slip_t += moved
-        slip_z += aside
-        grip = 0.0
-        ft, fz = -stick * slip_t, -stick * slip_z
-        size = ft * ft + fz * fz
-        most = k.friction * normal
-        way = moved * moved + aside * aside
-        if size > most * most:
-            # What moved against the spring and is not stored in it any more has become heat.
-            sliding += 0.5 * ((size - most * most) * per_stick - stick * way)
-            scale = most / math.sqrt(size)
-            ft *= scale
-            fz *= scale
-            slip_t *= scale
-            slip_z *= scale
-        else:
-            grip = dashpot
-            ft -= dashpot * moved
-            fz -= dashpot * aside
-        slip[0, i] = slip_t
-        slip[1, i] = slip_z
-        work += ft * radius
-        net[0, i] += normal * nx - ft * ny
-        net[1, i] += normal * ny + ft * nx
-        net[2, i] += fz
-        gained = 0.5 * dt / mass[i]
-        bouncing -= (normal - elastic) * (outward + gained * (net[0, i] * nx + net[1, i] * ny))
-        if grip > 0.0:
-            along = gained * dt * (net[1, i] * nx - net[0, i] * ny)
-            along -= 0.5 * (turning - turned) * radius
-            sliding += grip * (way + moved * along + aside * gained * dt * net[2, i])
-        couple[i] = -fz * lever
-    ledger[WORK_SURFACE] += 0.5 * work * (turned + turning)
-    ledger[LOSS_FRICTION] += sliding
-    ledger[LOSS_CONTACT] += bouncing * dt
+        elastic = k.beside_stiffness * (k.low - z if z < k.low else k.high - z)
+        if beyond >= 2.0 * dt * (v[0, i] * x[0, i] + v[1, i] * x[1, i]):
+            # It has come in over the rim.
+            ledger[WORK_SURFACE] += 0.5 * elastic * elastic / k.beside_stiffness
+        speed = v[2, i]
+        push = elastic - k.beside_damping * speed
+        push = max(push, 0.0) if z < k.low else min(push, 0.0)
+        net[2, i] += push
+        ledger[LOSS_CONTACT] -= (push - elastic) * (speed + 0.5 * dt / mass[i] * net[2, i]) * dt

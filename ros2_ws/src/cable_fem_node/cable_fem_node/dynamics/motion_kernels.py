@@ -80,7 +80,7 @@ def move(
     nodes = mass.shape[0]
     if around.reach > 0.0:
         surface = Surface(
-            turned=0.0, turning=0.0, landing=around.reach, rolling=False, edge=nodes, free=False
+            turned=0.0, turning=0.0, landing=around.reach, rolling=False, edge=nodes, gripped=nodes
         )
         touch_cylinder(0, nodes, dt, surface, points, mass, net, couple, touch, ledger)
     position, velocity = points.position, points.velocity

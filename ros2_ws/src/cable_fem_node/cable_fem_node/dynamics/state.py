@@ -37,6 +37,21 @@ class Points(NamedTuple):
     contact_radius: FloatArray  # (capacity,) radius at which the node touches [m]
     touching: IntArray  # (capacity,) 1 while in contact
     roll: FloatArray  # (2, capacity) roll angle [rad] and rate [rad/s] about the cable's axis
+    below: FloatArray  # (BELOW_HEIGHT, capacity) cable that nodes may lie on, see below; (0,
+    # capacity) where there is none
+
+
+# Rows of `Points.below`: of each of the nearest centre lines radius [m], z [m], cosine of the lean,
+# 0 for none, and distance at which they touch [m]; then from the last step whether the node lies on
+# one, the sum of their pushes, radial and axial resultant and the dashpots' part of these [N].
+BELOW_ROWS, MOST_BELOW = 4, 4
+PUSHES = BELOW_ROWS * MOST_BELOW
+BELOW_HEIGHT = PUSHES + 6
+
+
+# Share of the cylinder's stiffness that cable and flanges have, so that a node between two of them
+# is no stiffer than on the cylinder.
+BESIDE = 1.0 / 3.0
 
 
 class ContactLaw(NamedTuple):
@@ -48,6 +63,14 @@ class ContactLaw(NamedTuple):
     stick_damping: float  # friction for each metre per second while sticking [N s/m]
     friction: float  # Coulomb's coefficient
     cable_radius: float  # undeformed [m]
+    beside_stiffness: float = 0.0  # of cable on cable, and of flanges [N/m]
+    beside_damping: float = 0.0  # of the same [N s/m]
+    line: float = 0.0  # radius of the centre line of cable on the cylinder [m]
+    chords: float = 0.0  # radius of its nodes, which chords join [m]
+    apart: float = 0.0  # distance of the centre lines of cable on cable [m]
+    low: float = -math.inf  # least z of a centre line between the flanges [m]
+    high: float = math.inf  # largest one [m]
+    rim: float = 0.0  # radius of the flanges [m]
 
 
 class Surface(NamedTuple):
@@ -59,9 +82,10 @@ class Surface(NamedTuple):
     rolling: bool  # whether the cable may roll about its axis
     edge: int  # outermost node that touches, at which wound cable lands; it and those beyond do
     # not bounce
-    free: bool  # whether the edge is free along the circumference until the next node has landed,
-    # as it must be where elastic cable is wound: a wound element keeps the tension at which both
-    # its nodes are held, and what is off the cylinder pulls more than the wound cable
+    gripped: int  # nodes before it are held along the circumference; the edge, or the two outermost
+    # nodes, must be free of that where elastic cable is wound, until the next node has landed: a
+    # wound element keeps the tension at which both its nodes are held, and what is off the cylinder
+    # pulls more than the wound cable
 
 
 def empty_points(capacity: int) -> Points:
@@ -73,6 +97,7 @@ def empty_points(capacity: int) -> Points:
         contact_radius=np.zeros(capacity),
         touching=np.zeros(capacity, dtype=np.int64),
         roll=np.zeros((2, capacity)),
+        below=np.zeros((0, capacity)),
     )
 
 
@@ -178,7 +203,12 @@ class CylinderContact:
 
 
 def penalty(
-    normal: float, mass: float, *, friction: float, stick_share: float, cable_radius: float = 0.0
+    normal: float,
+    mass: float,
+    *,
+    friction: float,
+    stick_share: float,
+    cable_radius: float = 0.0,
 ) -> ContactLaw:
     """Return the contact of a penalty spring [N/m] that holds a node of a mass [kg].
 
@@ -189,6 +219,8 @@ def penalty(
     return ContactLaw(
         normal_stiffness=normal,
         normal_damping=0.4 * math.sqrt(normal * mass),
+        beside_stiffness=BESIDE * normal,
+        beside_damping=0.4 * math.sqrt(BESIDE * normal * mass),
         stick_stiffness=stick,
         stick_damping=0.2 * math.sqrt(stick * mass),
         friction=friction,
@@ -197,17 +229,41 @@ def penalty(
 
 
 def normal_forces(points: Points, touch: ContactLaw) -> FloatArray:
-    """Return with which force [N] the penalty spring of every node pushes, shape (nodes,)."""
-    radius = np.hypot(points.position[0], points.position[1])
-    depth = np.where(points.touching == 1, points.contact_radius - radius, 0.0)
-    return np.asarray(touch.normal_stiffness * np.maximum(depth, 0.0))
+    """Return with which force [N] the penalty springs of every node push, shape (nodes,)."""
+    deep = depths(points, touch)
+    return np.asarray(
+        touch.normal_stiffness * deep[0] + touch.beside_stiffness * deep[1:].sum(axis=0)
+    )
 
 
 def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
     """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
-    touching = np.flatnonzero(points.touching[:nodes])
-    radius = np.hypot(points.position[0, touching], points.position[1, touching])
-    depth = np.maximum(points.contact_radius[touching] - radius, 0.0)
-    normal = 0.5 * touch.normal_stiffness * float((depth**2).sum())
-    stick = 0.5 * touch.stick_stiffness * float((points.slip[:, touching] ** 2).sum())
-    return normal + stick
+    deep = (depths(points, touch)[:, :nodes] ** 2).sum(axis=1)
+    slip = points.slip[:, :nodes][:, points.touching[:nodes] == 1]
+    return 0.5 * (
+        touch.normal_stiffness * float(deep[0])
+        + touch.beside_stiffness * float(deep[1:].sum())
+        + touch.stick_stiffness * float((slip**2).sum())
+    )
+
+
+def lying_energy(points: Points, touch: ContactLaw, nodes: int) -> float:
+    """Return the energy [J] in the springs between the first nodes and the cable below."""
+    deep = depths(points, touch)[1:-1, :nodes]
+    return 0.5 * touch.beside_stiffness * float((deep**2).sum())
+
+
+def depths(points: Points, touch: ContactLaw) -> FloatArray:
+    """Return how deep nodes lie [m] in the cylinder, in cable below and in a flange, (k, nodes)."""
+    radius = np.hypot(points.position[0], points.position[1])
+    found = [points.contact_radius - radius]
+    for first in range(0, min(points.below.shape[0], PUSHES), BELOW_ROWS):
+        below, z, lean, least = points.below[first : first + BELOW_ROWS]
+        above = 2.0 * points.contact_radius - touch.chords - touch.line
+        lower = above * touch.line / np.maximum(radius, touch.line)
+        apart = np.hypot(radius - lower - below, lean * (points.position[2] - z))
+        found.append(np.where(lean > 0.0, least - apart, 0.0))
+    touched = np.where(points.touching == 1, np.maximum(found, 0.0), 0.0)
+    z = points.position[2]
+    beside = np.where(radius < touch.rim, np.maximum(touch.low - z, z - touch.high), 0.0)
+    return np.vstack([touched, np.maximum(beside, 0.0)])

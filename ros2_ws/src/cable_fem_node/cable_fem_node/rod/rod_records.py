@@ -94,6 +94,7 @@ class Constants(NamedTuple):
     free_length: float
     roll_inertia: float
     torsion: float
+    late: int  # landings after which friction holds a node along the circumference, beside its own
     stirred: float  # motion over the surface that resting cable must follow [m]
     rolling: bool  # whether the cable may roll on the surface about its own axis
 
@@ -114,6 +115,7 @@ class RodState(NamedTuple):
     nodes: int  # in use
     rows: FloatArray  # (STATE_ROWS and more, capacity), changed
     touching: IntArray  # (capacity,) 1 where a node is in contact, changed
+    below: FloatArray  # cable that nodes may lie on, see `Points`
     tie: FloatArray  # (3, 3) rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder
     tie_length: float  # that bends about the first node, twice the mean of both sides [m]
     watched: int  # node whose motion over the surface ends the advance; 0 for none

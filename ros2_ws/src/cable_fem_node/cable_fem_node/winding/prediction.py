@@ -122,7 +122,7 @@ class PlannedRun:
         drive: How the machine moves; the paper's motion by default.
 
     Raises:
-        OverlapError: The feed would lay the cable over itself.
+        OverlapError: The feed would lay the solid element over itself.
         ValueError: The cylinder turns back past the start, the duration is not positive, the
             element is unknown or has no stiffness factors.
     """
@@ -140,7 +140,8 @@ class PlannedRun:
             self.config.refuse_rod_material()
         refuse(self.checks())
         refuse_past_the_start(self._angles())
-        refuse_overlap(self.config.resolved, self.drive, self.duration)
+        if self.element == "solid":
+            refuse_overlap(self.config.resolved, self.drive, self.duration)
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""

@@ -21,6 +21,7 @@ from cable_fem_node.rod.rod_records import (
 )
 from winding_core.cable.cases import Case
 from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
+from winding_core.machine.drum import Drum
 
 # What suits cylinders of 30 mm and more and moderate stretch [m].
 LONGEST = 5.0e-3
@@ -40,8 +41,11 @@ _ALLOWED_PCT = 0.17
 # shares of 0.05 to 0.85, cables of 3 and 10 % of cylinders of 8 to 300 mm, elements of 0.03 to 0.46
 # of the radius, or 0.02 to 1.3 of the bending layer sqrt(EI / F). It may be so much of the wound
 # tension; for it elements are not made shorter than this, which would take minutes.
-_LANDING_PCT, _LANDING_SHARE, _LANDING_RATIO = 3.0, 0.5, 0.45
-_ALLOWED_TENSION_PCT, _SHORTEST = 0.9, 0.1
+_LANDING = (3.0, 0.5, 0.45)
+_ALLOWED_TENSION_PCT, _SHORTEST = 0.9, 0.05
+# From this bending share on friction holds a node a landing later, when the cable has bent there
+# all the way; it shows a change of tension up to two elements late. The same of 20 such windings.
+_STIFF, _LATE_LANDING = 0.15, (4.5, 1.0, 1.5)
 
 # Share of the critical step that is taken; the rest covers damping and large rotations.
 STEP_SAFETY = 0.8
@@ -89,12 +93,15 @@ def tension_error_pct(law: MaterialLaw, bending_share: float, ratio: float) -> f
         ratio: Length of a stretched element per centreline radius of the wound cable.
     """
     chord = _chord_pct(law) * (ratio / _MEASURED_AT) ** 2 / (1.0 - bending_share)
-    return max(chord, _landing_pct(bending_share) * math.pow(ratio, _LANDING_RATIO))
+    landing, power = _landing_pct(bending_share)
+    return max(chord, landing * math.pow(ratio, power))
 
 
-def _landing_pct(bending_share: float) -> float:
+def _landing_pct(bending_share: float) -> tuple[float, float]:
+    """Return the error with elements as long as the radius [%], and its power of their length."""
+    size, share, power = _LATE_LANDING if bending_share > _STIFF else _LANDING
     left = max(1.0 - bending_share, 1.0e-9)
-    return _LANDING_PCT * math.pow(bending_share, _LANDING_SHARE) / left
+    return size * math.pow(bending_share, share) / left, power
 
 
 def _chord_pct(law: MaterialLaw) -> float:
@@ -115,7 +122,8 @@ def chosen_segment(
     """
     full = stretch_error_pct(law, stretch, bending_share, _MEASURED_AT)
     ratio = _MEASURED_AT * min(1.0, math.sqrt(_ALLOWED_PCT / full)) if full > 0.0 else _MEASURED_AT
-    suits = math.pow(_ALLOWED_TENSION_PCT / _landing_pct(bending_share), 1.0 / _LANDING_RATIO)
+    landing, power = _landing_pct(bending_share)
+    suits = math.pow(_ALLOWED_TENSION_PCT / landing, 1.0 / power)
     ratio = min(ratio, max(_SHORTEST, suits))
     return min(LONGEST, ratio * radius / stretch, 0.1 * free_length)
 
@@ -166,6 +174,7 @@ class ResolvedModel:
         damping_ratio: float,
         mass_scaling: float,
         rolling: bool,
+        drum: Drum | None = None,
     ) -> ResolvedModel:
         """Resolve the fields of a winding configuration.
 
@@ -181,6 +190,7 @@ class ResolvedModel:
             damping_ratio: Share of critical damping of the first axial mode of the span.
             mass_scaling: Factor on the density.
             rolling: Whether the cable may roll about its axis.
+            drum: Flanges; None where there are none.
 
         Raises:
             NoEquilibriumError: The law cannot carry the weight at any stretch.
@@ -203,6 +213,7 @@ class ResolvedModel:
         )
         first_mode = 0.5 * math.pi * wave / free_length
         polar = 0.5 * math.pi * case.cable_radius**4
+        chords = chord_radius(radius, stretch * h)
         constants = Constants(
             segment=h,
             mass=mass,
@@ -213,16 +224,21 @@ class ResolvedModel:
                 friction=friction,
                 stick_share=0.25,
                 cable_radius=case.cable_radius,
-            ),
+            )._replace(line=radius, chords=chords, apart=2.0 * (radius - case.cylinder_radius)),
             damping_rate=2.0 * damping_ratio * first_mode,
-            start_radius=chord_radius(radius, stretch * h),
+            start_radius=chords,
             contact_line=radius,
             free_length=free_length,
             roll_inertia=0.5 * mass * case.cable_radius**2,
             torsion=law.shear_modulus * polar,
             stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
             rolling=rolling,
+            late=int(bending_share > _STIFF),
         )
+        if drum is not None:
+            low, high = drum.centre_lines(case.cable_diameter)
+            touch = constants.touch._replace(low=low, high=high, rim=drum.flange_radius)
+            constants = constants._replace(touch=touch)
         return cls(
             case=case,
             law=law,

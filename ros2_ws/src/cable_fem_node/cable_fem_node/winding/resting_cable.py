@@ -85,8 +85,9 @@ class Fading:
         later = self.viscous(span, cable.viscous)
         change = (later - branches).sum(axis=0)
         branches[:] = later
-        less = self.sink * change * cable.stretch * cable.reference
         depth = cable.contact_radius - cable.radius
+        # Cable that lies on cable does not press on the cylinder.
+        less = self.sink * change * cable.stretch * cable.reference * (depth > 0.0)
         cable.contact_radius[:] -= less
         pressed = 0.5 * self.stiffness * float(((2.0 * depth - less) * less).sum())
         return before - self._energy(cable) + pressed

@@ -94,6 +94,7 @@ class RodNodes:
         live: Number of integrated nodes; the first one is the last of those that rest.
         state: Of the integrated nodes and elements, as the kernel takes it.
         touching: Which integrated nodes are in contact, as the kernel takes it.
+        below: Cable that integrated nodes may lie on, see `Points`.
         resting: The nodes that turn with the cylinder.
         tie: How the cylinder holds the first integrated node, rows TIE_PLACE .. TIE_WATCHED.
         tie_length: Reference length that bends about that node, twice the mean of both sides [m].
@@ -111,6 +112,7 @@ class RodNodes:
         self.state = np.zeros((STATE_ROWS + more, 2 * self.live + 64))
         self.state[VISCOUS : VISCOUS + 1, : reference.size] = elastic
         self.touching = np.zeros(2 * self.live + 64, dtype=np.int64)
+        self.below = np.zeros((0, self.touching.size))
         self.points.position[:, : self.live] = position
         self.reference[: reference.size] = reference
         self.resting = RestingCable(float(position[0, 0]), fading)
@@ -120,13 +122,15 @@ class RodNodes:
     @property
     def points(self) -> Points:
         """State of the integrated nodes, as views."""
-        return points_of(self.state, self.touching)
+        return points_of(self.state, self.touching, self.below)
 
     @property
     def rod(self) -> RodState:
         """The integrated nodes as the kernel takes them; none is watched where P0 alone rests."""
         watched = WATCHED if self.resting.count > 1 else 0
-        return RodState(self.live, self.state, self.touching, self.tie, self.tie_length, watched)
+        return RodState(
+            self.live, self.state, self.touching, self.below, self.tie, self.tie_length, watched
+        )
 
     @property
     def reference(self) -> FloatArray:
@@ -185,7 +189,7 @@ class RodNodes:
         """
         self.resting.add(nodes, angle, self.points, self.reference, self.viscous)
         left = self.live - nodes
-        for values in (self.state, self.touching):
+        for values in (self.state, self.touching, self.below):
             values[..., :left] = values[..., nodes : self.live]
         self.live = left
         self._hold(angle)
@@ -202,8 +206,9 @@ class RodNodes:
         longer = self.live + nodes
         if longer > self.touching.size:
             self.grow(2 * longer)
-        for values in (self.state, self.touching):
+        for values in (self.state, self.touching, self.below):
             values[..., nodes:longer] = values[..., : self.live].copy()
+        self.below[:, :nodes] = 0.0
         self.resting.put(nodes, angle, back, dt, self.points, self.reference, self.viscous)
         self.resting.let_go(nodes)
         self.live = longer
@@ -216,6 +221,9 @@ class RodNodes:
         used = self.touching.size
         state[:, :used], touching[:used] = self.state, self.touching
         self.state, self.touching = state, touching
+        below = np.zeros((self.below.shape[0], capacity))
+        below[:, :used] = self.below
+        self.below = below
 
     def whole(self, angle: float, back: float, dt: float) -> WholeRod:
         """Return the state of all nodes and elements.
@@ -228,6 +236,7 @@ class RodNodes:
         points, reference = empty_points(self.total), np.zeros(self.total)
         viscous = np.zeros((self.viscous.shape[0], self.total))
         first = self.resting.count - 1
+        points = points._replace(below=np.zeros((self.below.shape[0], self.total)))
         self.resting.put(first, angle, back, dt, points, reference, viscous)
         for all_nodes, integrated in zip(points, self.points, strict=True):
             all_nodes[..., first:] = integrated[..., : self.live]

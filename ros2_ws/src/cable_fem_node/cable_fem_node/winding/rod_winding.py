@@ -13,12 +13,14 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import (
     LOSS_RELAXATION,
+    WORK_SURFACE,
     WORK_TIE,
     DivergenceError,
     EnergyLedger,
     FloatArray,
     Points,
     contact_energy,
+    lying_energy,
     normal_forces,
 )
 from cable_fem_node.rod.rod_records import (
@@ -27,6 +29,7 @@ from cable_fem_node.rod.rod_records import (
     EMPTY,
     FULL,
     LANDING,
+    SPEED,
     STIRRED,
     TENSION,
     part_way,
@@ -38,6 +41,7 @@ from cable_fem_node.winding.validity import refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
+from cable_fem_node.winding.wound_surface import TURN, WoundSurface, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers
@@ -49,6 +53,14 @@ AWAKE_FOR = 0.5
 # Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
 # load have decayed over them to a ten-thousandth.
 AWAKE = 20
+# Share of the stable step that is taken where cable lies on cable: springs of two neighbours and of
+# a flange may meet in one direction.
+BESIDE_STEP = 0.7
+# Gap, in distances of touching centre lines, that may close before the next look.
+TOUCHING = 0.03
+# Way in distances of centre lines for which nodes keep the same cable below where that is near: of
+# it, what lands comes nearer by six tenths at most, and what falls into a gap by all.
+SAME_BELOW = 0.05
 # By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
 FEWEST_TO_REST = 8
 WOKEN = 16
@@ -134,6 +146,9 @@ class RodWinding(WindingModel):
         self._surface_rate = 0.0
         self._last_step = self.step_limit
         self._stillness = Stillness(resolved.still)
+        self._wound = WoundSurface(self._constants.touch.apart)
+        # Way since the cable below was looked up [m], and the last speed over the surface [m/s].
+        self._way, self._speed = 0.0, 0.0
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
         self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
         self._initial_energy = self._stored(self._whole())
@@ -209,12 +224,13 @@ class RodWinding(WindingModel):
     def wound_stretch(self) -> float:
         """Return the mean stretch of the laid elements; of the first before any is laid.
 
-        The outermost one counts from when its outer node is held: until then it is landing.
+        The outermost ones count from when their outer node is held: until then they are landing.
         """
         stretch = self.stretch()
         laid = self._nodes.laid()
-        landing = self._nodes.points.slip[0, laid - 1] == 0.0
-        wound = stretch[: max(self._laid_nodes() - 1 - int(landing), 0)]
+        since = max(laid - 1 - self._constants.late, 0)
+        landing = int((self._nodes.points.slip[0, since:laid] == 0.0).sum())
+        wound = stretch[: max(self._laid_nodes() - 1 - landing, 0)]
         return float(wound.mean()) if wound.size else float(stretch[0])
 
     def contact_forces(self) -> FloatArray:
@@ -243,7 +259,28 @@ class RodWinding(WindingModel):
         if self._relaxes:
             faded = float(self._nodes.viscous[1:, self._nodes.live - 2].sum())
             drive[LANDING, 1] = self.config.resolved.crept_landing(drive[TENSION, 1], faded)
-        total = max(1, math.ceil(span / self.step_limit))
+        self._speed = self._fastest() if self._nodes.below.size else 0.0
+        way = self._speed * span
+        pieces = max(1, math.ceil(way / (SAME_BELOW * self._constants.touch.apart)))
+        begin = drive[:, 0]
+        for left in range(pieces - 1, 0, -1):
+            end = part_way(drive, 1.0 - left / pieces, span)[:, 0]
+            self._advance(t - left * span / pieces, span / pieces, np.stack([begin, end], axis=1))
+            begin = end
+        rest = drive if pieces == 1 else np.stack([begin, drive[:, 1]], axis=1)
+        self._advance(t, span / pieces, rest)
+        nodes = self._nodes
+        if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
+            self._look(t, float(drive[ANGLE, 1]))
+
+    def _advance(self, t: float, span: float, drive: FloatArray) -> None:
+        """Advance over a span [s] that ends at a time [s], with the same cable below."""
+        k = self._constants
+        self._way += span * max(abs(drive[SPEED, 1]) * k.contact_line, self._speed)
+        if self._way > max(self._wound.gap, SAME_BELOW * k.touch.apart):
+            self._find_below()
+        beside = self._wound.gap < TOUCHING * k.touch.apart
+        total = max(1, math.ceil(span / (self.step_limit * (BESIDE_STEP if beside else 1.0))))
         dt = span / total
         self._last_step = dt
         nodes = self._nodes
@@ -283,21 +320,70 @@ class RodWinding(WindingModel):
                 else:
                     now = t - (total - done) * dt
                     self._wake(t, now, float(part[ANGLE, 0]))
-        if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
-            self._look(t, float(drive[ANGLE, 1]))
+                    self._find_below()
+
+    def _fastest(self) -> float:
+        """Return how fast a node moves over the surface that may lie on cable [m/s]."""
+        points = self._nodes.points
+        near = np.flatnonzero(points.below[2] > 0.0)
+        x, v, rate = points.position[:, near], points.velocity[:, near], self._surface_rate
+        over = np.stack([v[0] + rate * x[1], v[1] - rate * x[0], v[2]])
+        return math.sqrt(float((over**2).sum(axis=0).max(initial=0.0)))
+
+    def _find_below(self) -> None:
+        """Look up which cable the integrated nodes may lie on."""
+        self._way = 0.0
+        nodes, k = self._nodes, self._constants
+        begin = float(nodes.resting.row(resting_cable.THETA)[-1])
+        path = unrolled(begin, nodes.position)
+        farthest, turn = float(path[0].max()), TURN - 2.0 * k.touch.apart / k.contact_line
+        if farthest < turn:
+            return
+        # Laid cable is lain on though it is still integrated.
+        over = farthest - begin > turn
+        if over:
+            self._wound.lay(self._lines(path[:, : nodes.laid()]))
+        found = self._wound.below(path)
+        if over:
+            self._wound.lift(begin)
+        if not found.size and not nodes.below.size:
+            return
+        # Cable that turns up below is a surface that moves.
+        self._ledger[WORK_SURFACE] -= lying_energy(nodes.points, k.touch, nodes.live)
+        nodes.below = np.zeros((found.shape[0], nodes.touching.size))
+        nodes.below[:, : nodes.live] = found
+        self._ledger[WORK_SURFACE] += lying_energy(nodes.points, k.touch, nodes.live)
+
+    def _lay(self, nodes: int) -> None:
+        """Add the last resting nodes to the wound surface."""
+        rows = self._nodes.resting
+        since = slice(rows.count - 1 - nodes, rows.count)
+        x, y, z = rows.place()[:, since]
+        theta = rows.row(resting_cable.THETA)[since]
+        self._wound.lay(self._lines(np.stack([theta, z, np.hypot(x, y)])))
+
+    def _lines(self, path: FloatArray) -> FloatArray:
+        """Return a path (3, n) of nodes, which chords join, with the radii of its centre line."""
+        k = self._constants
+        chord = (k.start_radius - k.contact_line) * k.contact_line / path[2]
+        return np.stack([path[0], path[1], path[2] - chord])
 
     def _look(self, t: float, angle: float) -> None:
         """Lay to rest what has not moved over the cylinder since the look before."""
         nodes = self._nodes
         candidates = max(1, nodes.laid() - AWAKE)
-        off = np.flatnonzero(nodes.touching[1:candidates] == 0)
+        # Between cable that it lies on, cable may bridge a gap.
+        off = np.flatnonzero((nodes.touching[1:candidates] == 0) & (not nodes.below.size))
         held = 1 + int(off[0]) if off.size else candidates
         still = self._stillness.look(t, nodes.place(held, angle))
         resting = still - 1 - WATCHED
         if resting >= FEWEST_TO_REST:
             before = self._kinetic(nodes.points, resting + 1)
             self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
+            touch = self._constants.touch
+            self._ledger[WORK_SURFACE] -= lying_energy(nodes.points, touch, resting + 1)
             nodes.rest(resting, angle)
+            self._lay(resting)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 
@@ -308,6 +394,7 @@ class RodWinding(WindingModel):
         back = self._surface_rate * self._last_step
         self._ledger[LOSS_RELAXATION] += nodes.resting.fade(now)
         nodes.wake(woken, angle, back, self._last_step)
+        self._wound.lift(float(nodes.resting.row(resting_cable.THETA)[-1]))
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
         self._stillness.woken(t)
 

@@ -198,6 +198,14 @@ def advance_solid_winding(
             stick_damping=0.0,
             friction=0.0,
             cable_radius=0.0,
+            beside_stiffness=touch.beside_stiffness,
+            beside_damping=touch.beside_damping,
+            line=touch.line,
+            chords=touch.chords,
+            apart=touch.apart,
+            low=touch.low,
+            high=touch.high,
+            rim=touch.rim,
         )
     half = 0.5 * m.damping_rate * dt
     decay = (1.0 - half) / (1.0 + half)
@@ -222,7 +230,7 @@ def advance_solid_winding(
             landing=m.landing,
             rolling=False,
             edge=nodes,
-            free=False,
+            gripped=nodes,
         )
         touch_cylinder(per, nodes, dt, surface, points, mass, net, couple, nodal, ledger)
         if not m.rolling:

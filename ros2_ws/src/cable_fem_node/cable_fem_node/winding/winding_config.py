@@ -12,6 +12,7 @@ from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.cable.material_law import LawParameters, MaterialLaw
 from winding_core.helix import PAPER_FREE_LENGTH
+from winding_core.machine.drum import Drum
 from winding_core.machine.tension import DeadWeight, TensionLaw
 from winding_core.parameters import parameter
 from winding_core.units import LENGTH, PLAIN
@@ -41,6 +42,7 @@ class WindingConfig(LawParameters):
     mass_scaling: float = 1.0  # Factor on the density
     rolling: bool = False  # Let the cable roll on the surface about its own axis
     rests: bool = True
+    drum: Drum | None = None  # Flanges beside the cable; None where there are none
 
     def __post_init__(self) -> None:
         for name in ("segment_length", "free_length", "mass_scaling"):
@@ -51,6 +53,11 @@ class WindingConfig(LawParameters):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"{name} must not be negative, got {value}")
+        if self.drum is not None and self.drum.radius != self.case.cylinder_radius:
+            raise ValueError(
+                f"the drum's radius must be the cylinder's of {self.case.cylinder_radius:g} m, "
+                f"got {self.drum.radius:g} m"
+            )
         # Refuses a material that cannot carry the weight.
         refuse(checks_of(self.resolved))
 
@@ -71,6 +78,7 @@ class WindingConfig(LawParameters):
             damping_ratio=self.damping_ratio,
             mass_scaling=self.mass_scaling,
             rolling=self.rolling,
+            drum=self.drum,
         )
 
     @property

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.contact_kernels import touch_cylinder
+from cable_fem_node.dynamics.contact_kernels import touch_cylinder, touch_flanges, touch_wound
 from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_RELAXATION,
@@ -66,7 +66,7 @@ from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 
 
 @called
-def points_of(rows: FloatArray, touching: IntArray) -> Points:
+def points_of(rows: FloatArray, touching: IntArray, below: FloatArray) -> Points:
     """Return the nodes of a state, see `RodState`, as views."""
     return Points(
         position=rows[0:3],
@@ -75,6 +75,7 @@ def points_of(rows: FloatArray, touching: IntArray) -> Points:
         contact_radius=rows[8],
         touching=touching,
         roll=rows[9:11],
+        below=below,
     )
 
 
@@ -119,7 +120,9 @@ def relax_elements(
         if i > 0 and cable.touching[i] == 1:
             radius = math.sqrt(x[0, i] * x[0, i] + x[1, i] * x[1, i])
             depth = cable.contact_radius[i] - radius
-            less = 0.5 * (change_before + change) * length / (k.contact_line * stiffness)
+            # Cable that lies on cable does not press on the cylinder.
+            pressed = 1.0 if depth > 0.0 else 0.0
+            less = pressed * 0.5 * (change_before + change) * length / (k.contact_line * stiffness)
             cable.contact_radius[i] -= less
             heat += 0.5 * stiffness * (2.0 * depth - less) * less
         change_before = change
@@ -242,7 +245,7 @@ def advance_winding(
     """
     nodes, touching, tie, watched = rod.nodes, rod.touching, rod.tie, rod.watched
     cable, reference, viscous = (
-        points_of(rod.rows, touching),
+        points_of(rod.rows, touching, rod.below),
         rod.rows[REFERENCE],
         rod.rows[VISCOUS:],
     )
@@ -305,16 +308,22 @@ def advance_winding(
         for c in range(3):
             for i in range(1, elements):
                 net[c, i] = force[c, i] - force[c, i - 1]
+        edge = landing_node(elements, touching)
         surface = Surface(
             turned=surface_rate * dt,
             turning=rotation,
             landing=landing,
             rolling=k.rolling,
-            edge=landing_node(elements, touching),
+            edge=edge,
             # Cable that creeps would creep on while its node is free, by more than bending takes.
-            free=rate > 0.0 and terms == 0,
+            gripped=edge - k.late if rate > 0.0 and terms == 0 else nodes,
         )
-        touch_cylinder(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
+        if cable.below.shape[0] > 0:
+            touch_wound(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
+        else:
+            touch_cylinder(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
+        if k.touch.low > -math.inf:
+            touch_flanges(1, elements, dt, cable, mass, net, k.touch, ledger)
         if k.rolling:
             roll_nodes(elements, dt, cable, work, k)
         guide_speed = (next_guide - x[2, elements]) / dt

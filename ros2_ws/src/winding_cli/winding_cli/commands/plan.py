@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -87,7 +88,8 @@ def plan(
     solver: Annotated[
         bool | None,
         typer.Option(
-            "--solver/--no-solver", help="Wind the plan with the rod as well, except on a drum."
+            "--solver/--no-solver",
+            help="Wind the plan with the rod as well; on a drum where it is asked for.",
         ),
     ] = None,
     picture: Annotated[Path | None, typer.Option(help="Draw the plan: .png, .svg or .pdf.")] = None,
@@ -116,8 +118,6 @@ def plan(
     with refused(ValueError), refused(SolverError, code=FAILED):
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
         drum = DrumParameters.from_typed(typed_drum, spelling=spelled)
-        if drum is not None and solver:
-            refuse("the rod winds one layer, and not between flanges: leave out --solver")
         solver = drum is None if solver is None else solver
         if solver and parameters.element != "rod":
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
@@ -136,6 +136,7 @@ def plan(
             what = drum.paced(what)
             wound = drum.wind(what, None if pitch_mm is None else pitch_mm * MILLIMETRE)
             wanted = drum.program(wound, what, limits)
+            config = replace(config, drum=wound.drum)
         plan_with = functools.partial(
             plan_lay,
             wanted,

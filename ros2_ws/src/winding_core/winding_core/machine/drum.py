@@ -43,6 +43,11 @@ class Drum:
         """Radius of the flanges' edges [m]."""
         return self.radius + self.flange_height
 
+    def centre_lines(self, cable_diameter: float) -> tuple[float, float]:
+        """Return least and largest z of the centre line of a cable of a diameter [m] on it [m]."""
+        far = self.sign * (self.width - cable_diameter)
+        return min(far, 0.0), max(far, 0.0)
+
     @property
     def sign(self) -> float:
         """Direction of z from the flange at which winding begins: 1 or -1."""

@@ -1,0 +1,241 @@
+"""The surface that the next turns lie on: cable on the cylinder, by its place there."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cable_fem_node.dynamics.compile import called, kernel
+from cable_fem_node.dynamics.state import BELOW_HEIGHT, BELOW_ROWS, MOST_BELOW, FloatArray, IntArray
+
+TURN = 2.0 * math.pi
+# Lines along the cylinder that the cable's crossings are kept of.
+LINES = 128
+# Columns of a crossing: wound angle, place, radius, and how z goes with the angle.
+_THETA, _Z, _RADIUS, _SLOPE = range(4)
+# In distances of touching centre lines: the gap to cable that a node may come to lie on before the
+# next look, and the least gap of all nodes with which any of that matters.
+_REACH, _NEAR = 0.3, 0.03
+
+
+class WoundSurface:
+    """Crossings of the cable with lines along the cylinder, in cells of half its width.
+
+    In each cell the last crossing refers to that before it, which it may cover and which comes to
+    light where it is taken off.
+
+    Args:
+        apart: Distance of the centre lines of cable that lies on cable [m].
+    """
+
+    def __init__(self, apart: float) -> None:
+        self._apart = apart
+        self._cell = 0.5 * apart
+        self._first = 0  # Number of the cell that the map begins with
+        self._top: NDArray[np.int64] = np.full((LINES, 16), -1, dtype=np.int64)
+        self._crossings = np.zeros((256, 4))
+        self._before: NDArray[np.int64] = np.zeros(256, dtype=np.int64)
+        self._count = 0
+        self.gap = _REACH * apart  # Least gap between a node and cable below at the last look [m]
+
+    def lay(self, path: FloatArray) -> None:
+        """Add cable.
+
+        Args:
+            path: Wound angles of its nodes [rad], ascending, the node before them first; z [m];
+                radius of the centre line [m]; shape (3, n).
+        """
+        if not self._count:
+            # Up to a distance before P0 the end of the cable can be touched.
+            end = path[:, :1].copy()
+            end[0] -= self._apart / end[2] + TURN / LINES
+            path = np.concatenate([end, path], axis=1)
+        self._make_room(float(path[1].min()), float(path[1].max()))
+        more = int((path[0, -1] - path[0, 0]) / TURN * LINES) + 2
+        if self._count + more > len(self._before):
+            room = 2 * (self._count + more)
+            self._crossings = np.resize(self._crossings, (room, 4))
+            self._before = np.resize(self._before, room)
+        self._count = _lay(
+            path, self._cell, self._first, self._top, self._crossings, self._before, self._count
+        )
+
+    def lift(self, theta: float) -> None:
+        """Take off what was laid beyond a wound angle [rad]."""
+        self._count = _lift(
+            theta, self._cell, self._first, self._top, self._crossings, self._before, self._count
+        )
+
+    def below(self, path: FloatArray) -> FloatArray:
+        """Return the centre lines that nodes may lie on, see `Points.below`.
+
+        Args:
+            path: Wound angles [rad], z [m] and radii [m] of the nodes, shape (3, n).
+
+        Returns:
+            Shape (BELOW_HEIGHT, n); (0, n) where no node is near to any.
+        """
+        out = np.zeros((BELOW_HEIGHT, path.shape[1]))
+        surface = (self._cell, self._first, self._top, self._crossings, self._before)
+        self.gap = _below(path, self._apart, *surface, out)
+        return out[:0] if self.gap > _NEAR * self._apart else out
+
+    def _make_room(self, low: float, high: float) -> None:
+        first, last = math.floor(low / self._cell), math.floor(high / self._cell)
+        cells = self._top.shape[1]
+        if self._first <= first and last < self._first + cells:
+            return
+        begin = min(self._first, first - cells)
+        end = max(self._first + cells, last + cells)
+        top = np.full((LINES, end - begin), -1, dtype=np.int64)
+        top[:, self._first - begin : self._first - begin + cells] = self._top
+        self._top, self._first = top, begin
+
+
+@kernel
+def unrolled(theta: float, position: FloatArray) -> FloatArray:
+    """Return wound angle [rad], z [m] and radius [m] of nodes, shape (3, n).
+
+    Args:
+        theta: Wound angle of the first [rad]; along the cable it falls behind in azimuth.
+        position: Of the nodes [m], shape (3, n).
+    """
+    path = np.empty_like(position)
+    x, y = position[0, 0], position[1, 0]
+    for i in range(position.shape[1]):
+        u, v = position[0, i], position[1, i]
+        theta += math.atan2(y * u - x * v, x * u + y * v)
+        path[0, i], path[1, i], path[2, i] = theta, position[2, i], math.sqrt(u * u + v * v)
+        x, y = u, v
+    return path
+
+
+@kernel
+def _lay(
+    path: FloatArray,
+    cell: float,
+    first: int,
+    top: IntArray,
+    crossings: FloatArray,
+    before: IntArray,
+    count: int,
+) -> int:
+    """Write the crossings of cable with the lines; return how many there are."""
+    step = TURN / LINES
+    theta, z, radius = path
+    for i in range(1, theta.size):
+        way = theta[i] - theta[i - 1]
+        if not way > 0.0:
+            continue
+        line = math.floor(theta[i - 1] / step) + 1
+        slope = (z[i] - z[i - 1]) / way
+        while line * step <= theta[i]:
+            share = (line * step - theta[i - 1]) / way
+            at = z[i - 1] + share * (z[i] - z[i - 1])
+            crossings[count, _THETA] = line * step
+            crossings[count, _Z] = at
+            crossings[count, _RADIUS] = radius[i - 1] + share * (radius[i] - radius[i - 1])
+            crossings[count, _SLOPE] = slope
+            column, row = math.floor(at / cell) - first, line % LINES
+            before[count] = top[row, column]
+            top[row, column] = count
+            count += 1
+            line += 1
+    return count
+
+
+@kernel
+def _lift(
+    theta: float,
+    cell: float,
+    first: int,
+    top: IntArray,
+    crossings: FloatArray,
+    before: IntArray,
+    count: int,
+) -> int:
+    """Take off the crossings beyond a wound angle [rad]; return how many are left."""
+    step = TURN / LINES
+    while count > 0 and crossings[count - 1, _THETA] > theta:
+        count -= 1
+        row = int(round(crossings[count, _THETA] / step)) % LINES  # noqa: RUF046
+        top[row, math.floor(crossings[count, _Z] / cell) - first] = before[count]
+    return count
+
+
+@kernel
+def _below(
+    path: FloatArray,
+    apart: float,
+    cell: float,
+    first: int,
+    top: IntArray,
+    crossings: FloatArray,
+    before: IntArray,
+    out: FloatArray,
+) -> float:
+    """Write the nearest centre lines of every node; return the least gap of all [m]."""
+    step, cells, reach = TURN / LINES, top.shape[1], (1.0 + _REACH) * apart
+    gaps = np.zeros(MOST_BELOW)
+    least = _REACH * apart
+    theta, z, radius = path
+    for i in range(theta.size):
+        line = int(round(theta[i] / step))  # noqa: RUF046
+        row = line % LINES
+        gaps[:] = _REACH * apart
+        low, high = math.floor((z[i] - reach) / cell), math.floor((z[i] + reach) / cell)
+        for column in range(max(low - first, 0), min(high - first, cells - 1) + 1):
+            k = top[row, column]
+            while k >= 0 and crossings[k, _RADIUS] > radius[i] - reach:
+                # Not the cable's own neighbourhood.
+                if theta[i] - crossings[k, _THETA] >= 0.5 * TURN:
+                    ahead = theta[i] - line * step
+                    _note(i, ahead, radius[i], z[i], apart, crossings[k], gaps, out)
+                k = before[k]
+        least = min(least, gaps[0])
+    return least
+
+
+@called
+def _note(
+    i: int,
+    ahead: float,
+    radius: float,
+    z: float,
+    apart: float,
+    crossing: FloatArray,
+    gaps: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write a crossing into the column of node i if it is one of the nearest so far.
+
+    Args:
+        i: Number of the node.
+        ahead: Wound angle by which it is beyond the line [rad].
+        radius: Of the node [m].
+        z: Of the node [m].
+        apart: Distance of touching centre lines [m].
+        crossing: As _THETA .. _SLOPE.
+        gaps: To the nearest so far [m], ascending, changed.
+        out: See `Points.below`, changed.
+    """
+    slope, at = crossing[_SLOPE], crossing[_RADIUS]
+    lean = at / math.sqrt(at * at + slope * slope)
+    there = crossing[_Z] + slope * ahead
+    # The end of the cable is round.
+    beyond = min(crossing[_THETA] + ahead, 0.0) * at
+    distance = math.sqrt(max(apart * apart - beyond * beyond, 0.0))
+    gap = math.sqrt((radius - at) ** 2 + (lean * (z - there)) ** 2) - distance
+    to = MOST_BELOW
+    while to > 0 and gap < gaps[to - 1]:
+        to -= 1
+    if to == MOST_BELOW:
+        return
+    for other in range(MOST_BELOW - 1, to, -1):
+        gaps[other] = gaps[other - 1]
+        for r in range(BELOW_ROWS):
+            out[BELOW_ROWS * other + r, i] = out[BELOW_ROWS * (other - 1) + r, i]
+    gaps[to], to = gap, BELOW_ROWS * to
+    out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, lean, distance
