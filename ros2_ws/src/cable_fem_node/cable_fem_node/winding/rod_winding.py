@@ -147,8 +147,7 @@ class RodWinding(WindingModel):
         self._last_step = self.step_limit
         self._stillness = Stillness(resolved.still)
         self._wound = WoundSurface(self._constants.touch.apart)
-        # Way since the cable below was looked up [m], and the last speed over the surface [m/s].
-        self._way, self._speed = 0.0, 0.0
+        self._way, self._speed = 0.0, 0.0  # Since the last look [m], over the surface [m/s]
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
         self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
         self._initial_energy = self._stored(self._whole())
@@ -260,8 +259,8 @@ class RodWinding(WindingModel):
             faded = float(self._nodes.viscous[1:, self._nodes.live - 2].sum())
             drive[LANDING, 1] = self.config.resolved.crept_landing(drive[TENSION, 1], faded)
         self._speed = self._fastest() if self._nodes.below.size else 0.0
-        way = self._speed * span
-        pieces = max(1, math.ceil(way / (SAME_BELOW * self._constants.touch.apart)))
+        apart = self._constants.touch.apart
+        pieces = max(1, math.ceil(self._speed * span / (SAME_BELOW * apart)))
         begin = drive[:, 0]
         for left in range(pieces - 1, 0, -1):
             end = part_way(drive, 1.0 - left / pieces, span)[:, 0]
@@ -324,9 +323,9 @@ class RodWinding(WindingModel):
 
     def _fastest(self) -> float:
         """Return how fast a node moves over the surface that may lie on cable [m/s]."""
-        points = self._nodes.points
+        points, rate = self._nodes.points, self._surface_rate
         near = np.flatnonzero(points.below[2] > 0.0)
-        x, v, rate = points.position[:, near], points.velocity[:, near], self._surface_rate
+        x, v = points.position[:, near], points.velocity[:, near]
         over = np.stack([v[0] + rate * x[1], v[1] - rate * x[0], v[2]])
         return math.sqrt(float((over**2).sum(axis=0).max(initial=0.0)))
 
@@ -358,15 +357,13 @@ class RodWinding(WindingModel):
         """Add the last resting nodes to the wound surface."""
         rows = self._nodes.resting
         since = slice(rows.count - 1 - nodes, rows.count)
-        x, y, z = rows.place()[:, since]
-        theta = rows.row(resting_cable.THETA)[since]
+        (x, y, z), theta = rows.place()[:, since], rows.row(resting_cable.THETA)[since]
         self._wound.lay(self._lines(np.stack([theta, z, np.hypot(x, y)])))
 
     def _lines(self, path: FloatArray) -> FloatArray:
         """Return a path (3, n) of nodes, which chords join, with the radii of its centre line."""
-        k = self._constants
-        chord = (k.start_radius - k.contact_line) * k.contact_line / path[2]
-        return np.stack([path[0], path[1], path[2] - chord])
+        line, chords = self._constants.contact_line, self._constants.start_radius
+        return np.stack([path[0], path[1], path[2] - (chords - line) * line / path[2]])
 
     def _look(self, t: float, angle: float) -> None:
         """Lay to rest what has not moved over the cylinder since the look before."""
@@ -380,8 +377,8 @@ class RodWinding(WindingModel):
         if resting >= FEWEST_TO_REST:
             before = self._kinetic(nodes.points, resting + 1)
             self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
-            touch = self._constants.touch
-            self._ledger[WORK_SURFACE] -= lying_energy(nodes.points, touch, resting + 1)
+            lying = lying_energy(nodes.points, self._constants.touch, resting + 1)
+            self._ledger[WORK_SURFACE] -= lying
             nodes.rest(resting, angle)
             self._lay(resting)
             self._ledger[WORK_TIE] -= before
