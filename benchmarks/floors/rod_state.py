@@ -75,12 +75,13 @@ class RodState:
     @property
     def kernel_state(self) -> KernelState:
         """The nodes and elements as the kernel takes them."""
-        return KernelState(self.nodes, self.state, self.touching, self.tie, self.tie_length, 0)
+        held = (self.tie, self.tie_length)
+        return KernelState(self.nodes, self.state, self.touching, self.cable.below, *held, 0)
 
     @property
     def cable(self) -> Points:
         """The nodes, as views."""
-        return points_of(self.state, self.touching)
+        return points_of(self.state, self.touching, np.zeros((0, self.touching.size)))
 
     @property
     def reference(self) -> FloatArray:

@@ -103,17 +103,17 @@ def test_no_feed_winds_up_to_a_turn() -> None:
     # In one plane: nothing pulls it aside.
     assert np.abs(run.z).max() < 1.0e-9
     with pytest.raises(OverlapError, match="advances 0 mm per turn"):
-        PlannedRun(config=CONFIG, drive=DriveProfile(feed_speed=0.0), duration=4.3, element="solid")
+        PlannedRun(config=CONFIG, drive=DriveProfile(feed_speed=0.0), duration=4.3)
 
 
-def test_guide_that_turns_back_is_refused_where_turns_of_the_solid_would_overlap() -> None:
+def test_guide_that_turns_back_is_refused_where_turns_would_overlap() -> None:
     drive = TurningDrive(guide_turns_at=0.02)
-    PlannedRun(config=CONFIG, drive=drive, duration=8.0, element="solid")
+    PlannedRun(config=CONFIG, drive=drive, duration=8.0)
     with pytest.raises(OverlapError, match=r"the guide turns back: after 2\.\d+ turns"):
-        PlannedRun(config=CONFIG, drive=drive, duration=10.0, element="solid")
+        PlannedRun(config=CONFIG, drive=drive, duration=10.0)
     # The refused turn is unwound before it is laid.
     back = TurningDrive(guide_turns_at=0.02, unwinds_from=7.0)
-    PlannedRun(config=CONFIG, drive=back, duration=back.longest, element="solid")
+    PlannedRun(config=CONFIG, drive=back, duration=back.longest)
 
 
 def test_guide_that_turns_back_lays_no_closer_than_the_check_allows() -> None:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.wound_surface import TURN, WoundSurface
@@ -60,7 +61,7 @@ def layers():
 
 
 def test_turns_that_the_lag_would_lay_on_each_other_lie_side_by_side():
-    model = wound(3, 0.6 * DIAMETER + 0.4 * DIAMETER)
+    model = wound(3, DIAMETER, drum(20))
     theta, z, height = laid(model)
     later = np.interp(theta + TURN, theta, z, right=np.nan) - z
     # The lag law lays the second turn 0.92 diameters beside the first. The springs give way by
@@ -70,7 +71,7 @@ def test_turns_that_the_lag_would_lay_on_each_other_lie_side_by_side():
 
 
 def test_cable_that_lies_apart_knows_of_no_cable_below():
-    model = wound(3, 1.5 * DIAMETER)
+    model = wound(3, 1.5 * DIAMETER, drum(20))
     assert model._nodes.below.shape[0] == 0
 
 
@@ -109,7 +110,7 @@ def test_memory_grows_evenly_with_the_cable(layers):
 
 
 def test_the_end_of_the_cable_is_passed_without_a_jump():
-    model = wound(1.2, 0.9 * DIAMETER)
+    model = wound(1.2, 0.9 * DIAMETER, drum(20))
     assert abs(model.energy.balance_pct) < 0.1
 
 
@@ -126,6 +127,11 @@ def test_unwinding_brings_the_cable_below_to_light():
     assert surface.below(node)[0, 0] == pytest.approx(RHO + apart)
     surface.lift(0.0)
     assert surface.below(node).shape == (0, 1)
+
+
+def test_the_solid_refuses_a_drum():
+    with pytest.raises(ValueError, match="bare cylinder: leave out the drum"):
+        PlannedRun(config=WindingConfig(case=CASE, drum=drum(5)), element="solid")
 
 
 def test_a_drum_of_another_radius_is_refused():

@@ -228,12 +228,13 @@ def test_an_unknown_element_is_refused() -> None:
 
 
 def test_a_failing_case_does_not_lose_the_others(tmp_path) -> None:
-    # Elements of 8 mm are too long for the wound radius where the cable stretches by a half.
-    config = StudyConfig(duration=1.0, segment_length=8.0e-3)
+    # One millimetre a second advances 3.6 mm a turn: a cable of 2 mm fits, one of 4 mm does not,
+    # once there is more than a turn of it.
+    config = StudyConfig(duration=5.0, drive=DriveProfile(feed_speed=1.0e-3))
     store = RunStore(tmp_path)
-    with pytest.raises(CaseFailedError, match=r"^case 2: .*over the wound radius"):
-        wind_cases(config, lambda result: None, (2, 3), processes=1, store=store)
-    assert store.load(config.key(3), pytest.fail) is not None
+    with pytest.raises(CaseFailedError, match=r"^case 3: .*layers would overlap"):
+        wind_cases(config, lambda result: None, (3, 1), processes=1, store=store)
+    assert store.load(config.key(1), pytest.fail) is not None
 
 
 def test_an_interrupted_study_goes_on_where_it_was(tmp_path) -> None:

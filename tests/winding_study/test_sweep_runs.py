@@ -96,9 +96,9 @@ def test_a_run_that_cannot_be_wound_is_refused_while_it_is_planned() -> None:
         run(duration=0.0)
     with pytest.raises(ValueError, match="element must be rod or solid"):
         run(element="shell")
-    # Two turns, of which the second would lie on the first, which the solid does not know.
+    # Two turns, of which the second would lie on the first.
     with pytest.raises(OverlapError, match="layers would overlap"):
-        run(drive=DriveProfile(feed_speed=1.0e-4), duration=8.0, element="solid")
+        run(drive=DriveProfile(feed_speed=1.0e-4), duration=8.0)
 
 
 def test_results_are_those_of_the_prediction() -> None:

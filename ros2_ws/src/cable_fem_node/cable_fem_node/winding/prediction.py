@@ -122,7 +122,7 @@ class PlannedRun:
         drive: How the machine moves; the paper's motion by default.
 
     Raises:
-        OverlapError: The feed would lay the solid element over itself.
+        OverlapError: The feed would lay the cable over itself, and there is no drum.
         ValueError: The cylinder turns back past the start, the duration is not positive, the
             element is unknown or has no stiffness factors.
     """
@@ -140,7 +140,7 @@ class PlannedRun:
             self.config.refuse_rod_material()
         refuse(self.checks())
         refuse_past_the_start(self._angles())
-        if self.element == "solid":
+        if self.config.drum is None:
             refuse_overlap(self.config.resolved, self.drive, self.duration)
 
     def checks(self) -> tuple[Check, ...]:
@@ -150,7 +150,8 @@ class PlannedRun:
         if self.element == "rod":
             own = (*rod_checks(resolved), tension_check(resolved, self.drive))
         turns = int(self.most_wound / FULL_TURN)
-        lay = (overlap_check(resolved, self.drive, turns),) if turns else ()
+        alone = turns > 0 and self.config.drum is None
+        lay = (overlap_check(resolved, self.drive, turns),) if alone else ()
         return (*own, motion_check(resolved, self.drive), *lay)
 
     @property

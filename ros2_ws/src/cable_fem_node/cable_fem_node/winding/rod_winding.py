@@ -54,8 +54,8 @@ AWAKE_FOR = 0.5
 # load have decayed over them to a ten-thousandth.
 AWAKE = 20
 # Share of the stable step that is taken where cable lies on cable: springs of two neighbours and of
-# a flange may meet in one direction.
-BESIDE_STEP = 0.7
+# a flange may meet in one direction, and cable that falls off cable does so in a few steps.
+BESIDE_STEP = 0.5
 # Gap, in distances of touching centre lines, that may close before the next look.
 TOUCHING = 0.03
 # Way in distances of centre lines for which nodes keep the same cable below where that is near: of
@@ -276,7 +276,7 @@ class RodWinding(WindingModel):
         """Advance over a span [s] that ends at a time [s], with the same cable below."""
         k = self._constants
         self._way += span * max(abs(drive[SPEED, 1]) * k.contact_line, self._speed)
-        if self._way > max(self._wound.gap, SAME_BELOW * k.touch.apart):
+        if self.config.drum and self._way > max(self._wound.gap, SAME_BELOW * k.touch.apart):
             self._find_below()
         beside = self._wound.gap < TOUCHING * k.touch.apart
         total = max(1, math.ceil(span / (self.step_limit * (BESIDE_STEP if beside else 1.0))))
@@ -331,8 +331,7 @@ class RodWinding(WindingModel):
 
     def _find_below(self) -> None:
         """Look up which cable the integrated nodes may lie on."""
-        self._way = 0.0
-        nodes, k = self._nodes, self._constants
+        self._way, nodes, k = 0.0, self._nodes, self._constants
         begin = float(nodes.resting.row(resting_cable.THETA)[-1])
         path = unrolled(begin, nodes.position)
         farthest, turn = float(path[0].max()), TURN - 2.0 * k.touch.apart / k.contact_line
@@ -380,7 +379,8 @@ class RodWinding(WindingModel):
             lying = lying_energy(nodes.points, self._constants.touch, resting + 1)
             self._ledger[WORK_SURFACE] -= lying
             nodes.rest(resting, angle)
-            self._lay(resting)
+            if self.config.drum:
+                self._lay(resting)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 

@@ -254,14 +254,14 @@ def overlap_check(resolved: ResolvedModel, drive: DriveProfile, turns: int) -> C
         refused_from=math.inf,
         advice=f"turns 1 to {over} of {turns} come to lie on the turn before, the first by "
         f"{(width - advances[0]) / MILLIMETRE:.3g} mm of {width / MILLIMETRE:.3g} mm, because the "
-        f"cable lags behind the guide by up to {math.degrees(law.lag_angle):.3g} degrees; the rod "
-        "lays them beside or upon each other, the solid as if each were alone: take more feed, a "
-        "shorter span or a thicker cylinder",
+        f"cable lags behind the guide by up to {math.degrees(law.lag_angle):.3g} degrees; it is "
+        "computed as if they lay beside each other: take more feed, a shorter span or a thicker "
+        "cylinder",
     )
 
 
 class OverlapError(ValueError):
-    """The cable would be wound over itself, which the solid element does not cover."""
+    """The cable would be wound over itself, which is covered on a drum alone."""
 
 
 def refuse_overlap(resolved: ResolvedModel, drive: DriveProfile, duration: float) -> None:
@@ -287,7 +287,7 @@ def refuse_overlap(resolved: ResolvedModel, drive: DriveProfile, duration: float
         raise OverlapError(
             f"the guide advances {abs(drive.pitch) / MILLIMETRE:.3g} mm per turn, less than the "
             f"cable's {width / MILLIMETRE:.3g} mm: layers would overlap, "
-            "and the solid has no contact of cable with cable: wind the rod"
+            "and cable-on-cable contact is modelled on a drum alone"
         )
     if np.ptp(np.sign(np.diff(np.asarray(drive.positions(t)[1])))) < 2.0:
         return
@@ -356,7 +356,7 @@ def refuse_crossing(angle: FloatArray, guide: FloatArray, lag: float, width: flo
                     f"the guide turns back: after {k * part / FULL_TURN:.3g} turns the cable comes "
                     f"to lie at {place[k] / MILLIMETRE:.4g} mm, {apart.min() / MILLIMETRE:.3g} mm "
                     f"from a turn laid before, less than its {width / MILLIMETRE:.3g} mm: layers "
-                    "would overlap, and the solid has no contact of cable with cable: wind the rod"
+                    "would overlap, and cable-on-cable contact is modelled on a drum alone"
                 )
 
 

@@ -42,7 +42,8 @@ class WindingConfig(LawParameters):
     mass_scaling: float = 1.0  # Factor on the density
     rolling: bool = False  # Let the cable roll on the surface about its own axis
     rests: bool = True
-    drum: Drum | None = None  # Flanges beside the cable; None where there are none
+    # Flanges, between which cable lies on cable; None for turns that do not know each other
+    drum: Drum | None = None
 
     def __post_init__(self) -> None:
         for name in ("segment_length", "free_length", "mass_scaling"):
@@ -96,10 +97,10 @@ class WindingConfig(LawParameters):
         return replace(self, case=replace(self.case, material=material), **law.law_values())
 
     def refuse_rod_material(self) -> None:
-        """Refuse what a solid element does not have: factors on stiffnesses, a Prony series.
+        """Refuse what a solid element does not have: stiffness factors, a Prony series, a drum.
 
         Raises:
-            ValueError: A factor is not 1, or there is a series.
+            ValueError: A factor is not 1, or there is a series or a drum.
         """
         material = self.case.material
         for name in ("axial_factor", "bending_factor"):
@@ -109,6 +110,8 @@ class WindingConfig(LawParameters):
                     f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
                 )
         material.refuse_fading("the solid element")
+        if self.drum is not None:
+            raise ValueError("the solid element lies on a bare cylinder: leave out the drum")
 
 
 @dataclass(frozen=True, kw_only=True)
