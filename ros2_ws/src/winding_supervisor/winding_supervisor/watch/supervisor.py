@@ -261,10 +261,15 @@ class Supervisor:
             # Nothing can move, and whoever was preparing it waits for this node in vain.
             self._end(cause)
         idle = self._left_alone
-        if finding.fatal:
-            await self._stop_machine(cause)
-            self._end(await self._behind(cause, when))
         self.log.hold(cause)
+        if finding.fatal:
+            # It is asked before the census, and again by what sees to it that it stands.
+            await self.machine.quick_stop()
+            behind = await self._behind(cause, when)
+            self.log.release(cause)
+            self.log.hold(behind)
+            await self._stop_machine(behind)
+            self._end(behind)
         await self._stop_machine(cause)
         policy = next((spec.policy for spec in self._graph if spec.name == finding.node), None)
         if policy is None:
