@@ -70,6 +70,12 @@ def test_turns_that_the_lag_would_lay_on_each_other_lie_side_by_side():
     assert np.abs(height[1:-2]).max() < 0.01
 
 
+def test_without_a_drum_turns_do_not_know_each_other_though_they_wake():
+    model = wound(3, 0.5 * DIAMETER)
+    model._wake(model.time, model.time, model.cylinder_angle)
+    assert model._nodes.below.shape[0] == 0
+
+
 def test_cable_that_lies_apart_knows_of_no_cable_below():
     model = wound(3, 1.5 * DIAMETER, drum(20))
     assert model._nodes.below.shape[0] == 0

@@ -203,12 +203,7 @@ class CylinderContact:
 
 
 def penalty(
-    normal: float,
-    mass: float,
-    *,
-    friction: float,
-    stick_share: float,
-    cable_radius: float = 0.0,
+    normal: float, mass: float, *, friction: float, stick_share: float, cable_radius: float = 0.0
 ) -> ContactLaw:
     """Return the contact of a penalty spring [N/m] that holds a node of a mass [kg].
 

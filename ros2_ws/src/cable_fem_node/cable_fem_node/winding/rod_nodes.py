@@ -180,6 +180,19 @@ class RodNodes:
         """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
         return self.resting.path(self.reference[: self.live - 1], self.position)
 
+    def fastest_beside(self, rate: float) -> float:
+        """Return how fast a node moves over the surface that may lie on cable [m/s].
+
+        Args:
+            rate: Angular speed of the cylinder [rad/s].
+        """
+        if not self.below.size:
+            return 0.0
+        near = np.flatnonzero(self.below[2] > 0.0)
+        x, v = self.points.position[:, near], self.points.velocity[:, near]
+        over = np.stack([v[0] + rate * x[1], v[1] - rate * x[0], v[2]])
+        return math.sqrt(float((over**2).sum(axis=0).max(initial=0.0)))
+
     def rest(self, nodes: int, angle: float) -> None:
         """Lay the first integrated nodes to rest.
 

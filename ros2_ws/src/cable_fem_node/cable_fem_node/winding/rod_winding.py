@@ -146,7 +146,7 @@ class RodWinding(WindingModel):
         self._surface_rate = 0.0
         self._last_step = self.step_limit
         self._stillness = Stillness(resolved.still)
-        self._wound = WoundSurface(self._constants.touch.apart)
+        self._wound = WoundSurface(self._constants.touch.apart) if config.drum else None
         self._way, self._speed = 0.0, 0.0  # Since the last look [m], over the surface [m/s]
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
         self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
@@ -258,7 +258,7 @@ class RodWinding(WindingModel):
         if self._relaxes:
             faded = float(self._nodes.viscous[1:, self._nodes.live - 2].sum())
             drive[LANDING, 1] = self.config.resolved.crept_landing(drive[TENSION, 1], faded)
-        self._speed = self._fastest() if self._nodes.below.size else 0.0
+        self._speed = self._nodes.fastest_beside(self._surface_rate)
         apart = self._constants.touch.apart
         pieces = max(1, math.ceil(self._speed * span / (SAME_BELOW * apart)))
         begin = drive[:, 0]
@@ -276,9 +276,11 @@ class RodWinding(WindingModel):
         """Advance over a span [s] that ends at a time [s], with the same cable below."""
         k = self._constants
         self._way += span * max(abs(drive[SPEED, 1]) * k.contact_line, self._speed)
-        if self.config.drum and self._way > max(self._wound.gap, SAME_BELOW * k.touch.apart):
-            self._find_below()
-        beside = self._wound.gap < TOUCHING * k.touch.apart
+        beside = False
+        if self._wound:
+            if self._way > max(self._wound.gap, SAME_BELOW * k.touch.apart):
+                self._find_below(self._wound)
+            beside = self._wound.gap < TOUCHING * k.touch.apart
         total = max(1, math.ceil(span / (self.step_limit * (BESIDE_STEP if beside else 1.0))))
         dt = span / total
         self._last_step = dt
@@ -319,17 +321,8 @@ class RodWinding(WindingModel):
                 else:
                     now = t - (total - done) * dt
                     self._wake(t, now, float(part[ANGLE, 0]))
-                    self._find_below()
 
-    def _fastest(self) -> float:
-        """Return how fast a node moves over the surface that may lie on cable [m/s]."""
-        points, rate = self._nodes.points, self._surface_rate
-        near = np.flatnonzero(points.below[2] > 0.0)
-        x, v = points.position[:, near], points.velocity[:, near]
-        over = np.stack([v[0] + rate * x[1], v[1] - rate * x[0], v[2]])
-        return math.sqrt(float((over**2).sum(axis=0).max(initial=0.0)))
-
-    def _find_below(self) -> None:
+    def _find_below(self, wound: WoundSurface) -> None:
         """Look up which cable the integrated nodes may lie on."""
         self._way, nodes, k = 0.0, self._nodes, self._constants
         begin = float(nodes.resting.row(resting_cable.THETA)[-1])
@@ -340,10 +333,10 @@ class RodWinding(WindingModel):
         # Laid cable is lain on though it is still integrated.
         over = farthest - begin > turn
         if over:
-            self._wound.lay(self._lines(path[:, : nodes.laid()]))
-        found = self._wound.below(path)
+            wound.lay(self._lines(path[:, : nodes.laid()]))
+        found = wound.below(path)
         if over:
-            self._wound.lift(begin)
+            wound.lift(begin)
         if not found.size and not nodes.below.size:
             return
         # Cable that turns up below is a surface that moves.
@@ -352,12 +345,12 @@ class RodWinding(WindingModel):
         nodes.below[:, : nodes.live] = found
         self._ledger[WORK_SURFACE] += lying_energy(nodes.points, k.touch, nodes.live)
 
-    def _lay(self, nodes: int) -> None:
+    def _lay(self, wound: WoundSurface, nodes: int) -> None:
         """Add the last resting nodes to the wound surface."""
         rows = self._nodes.resting
         since = slice(rows.count - 1 - nodes, rows.count)
         (x, y, z), theta = rows.place()[:, since], rows.row(resting_cable.THETA)[since]
-        self._wound.lay(self._lines(np.stack([theta, z, np.hypot(x, y)])))
+        wound.lay(self._lines(np.stack([theta, z, np.hypot(x, y)])))
 
     def _lines(self, path: FloatArray) -> FloatArray:
         """Return a path (3, n) of nodes, which chords join, with the radii of its centre line."""
@@ -379,8 +372,8 @@ class RodWinding(WindingModel):
             lying = lying_energy(nodes.points, self._constants.touch, resting + 1)
             self._ledger[WORK_SURFACE] -= lying
             nodes.rest(resting, angle)
-            if self.config.drum:
-                self._lay(resting)
+            if self._wound:
+                self._lay(self._wound, resting)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 
@@ -391,8 +384,10 @@ class RodWinding(WindingModel):
         back = self._surface_rate * self._last_step
         self._ledger[LOSS_RELAXATION] += nodes.resting.fade(now)
         nodes.wake(woken, angle, back, self._last_step)
-        self._wound.lift(float(nodes.resting.row(resting_cable.THETA)[-1]))
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
+        if self._wound:
+            self._wound.lift(float(nodes.resting.row(resting_cable.THETA)[-1]))
+            self._find_below(self._wound)
         self._stillness.woken(t)
 
     def _records(self, begin: int) -> NDArray[np.void]:
