@@ -11,9 +11,10 @@ import numpy as np
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.validity import landing_share, motion_share, wave_share
 
-# The first steps are wound until they have taken so much processor time [s].
-_TRIAL_S = 0.03
-_TRIAL_STEPS = 200
+# Steps of a first call, which loads machine code and fills tables and is not timed; the next ones
+# are longer each, until one has taken so much processor time [s] that what a call costs beside its
+# steps does not count.
+_TRIAL_STEPS, _LONGER, _TRIAL_S = 50, 2, 0.03
 # Nodes of the rod that lie on the cylinder and are integrated although they do not move.
 _AWAKE_NODES = 32
 # Cable comes to rest this long after it has landed [s].
@@ -64,18 +65,20 @@ def expected_cost(
         DivergenceError: The integration fails within the first steps.
     """
     model = run.model()
-    began, taken, t = cpu_clock(), 0.0, 0.0
-    trial = _TRIAL_STEPS * model.step_limit
-    while taken < _TRIAL_S and t < run.duration:
+    trial, t, taken, counted = _TRIAL_STEPS * model.step_limit, 0.0, 0.0, 1
+    while t == 0.0 or (taken < _TRIAL_S and t < run.duration):
+        first, before, began = t == 0.0, model.element_steps, cpu_clock()
         t = min(t + trial, run.duration)
         model.advance_to(t, run.drive.reading_at(t))
-        taken = cpu_clock() - began
+        if not first:
+            taken, counted = cpu_clock() - began, model.element_steps - before
+            trial *= _LONGER
     steps = math.ceil(run.duration / min(model.step_limit, 1.0 / rate))
     elements = model.element_steps * model.step_limit / t
     if run.element == "rod":
         elements = _rod_elements(run)
     calls = _CALL_S * rate * run.duration
-    stepping = taken / model.element_steps * steps * elements
+    stepping = taken / counted * steps * elements
     scaling = _largest_scaling(run)
     return ExpectedCost(
         cpu_seconds=stepping + calls,

@@ -109,6 +109,8 @@ class WindingConfig(LawParameters):
                 raise ValueError(
                     f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
                 )
+        if material.yield_stress:
+            raise ValueError("the solid element knows elastic cables alone: leave out yield_stress")
         material.refuse_fading("the solid element")
         if self.drum is not None:
             raise ValueError("the solid element lies on a bare cylinder: leave out the drum")

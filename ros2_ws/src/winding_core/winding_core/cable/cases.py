@@ -23,6 +23,8 @@ class Material:
     bending_factor: float = 1.0  # Factor on its bending stiffness EI.
     # Strain of the outer fibre from which it must not be bent further; 0: not known.
     bending_limit: float = 0.0
+    # Stress at which the outer fibre yields instead of bending further elastically [Pa]; 0: never.
+    yield_stress: float = 0.0
     # How the axial stress fades; `young` is the modulus at once.
     prony: PronySeries = field(default_factory=PronySeries)
 
@@ -33,8 +35,10 @@ class Material:
         _positive("bending_factor", self.bending_factor)
         if not 0.0 <= self.poisson < 0.5:
             raise ValueError(f"poisson must lie in [0, 0.5), got {self.poisson}")
-        if not 0.0 <= self.bending_limit < math.inf:
-            raise ValueError(f"bending_limit must not be negative, got {self.bending_limit}")
+        for name in ("bending_limit", "yield_stress"):
+            value = getattr(self, name)
+            if not 0.0 <= value < math.inf:
+                raise ValueError(f"{name} must not be negative, got {value}")
 
     def refuse_fading(self, who: str) -> None:
         """Refuse a Prony series where none is known.
@@ -68,6 +72,12 @@ class Case:
         _positive("marker_spacing", self.marker_spacing, "m")
         if self.marker_count < 1:
             raise ValueError(f"marker_count must be at least 1, got {self.marker_count}")
+        limit = self.material.yield_stress
+        if limit and not self.nominal_stress < limit:
+            raise ValueError(
+                f"the tension of {self.weight:g} N is {self.nominal_stress / MEGAPASCAL:.4g} MPa "
+                f"of the section: it draws cable out that yields at {limit / MEGAPASCAL:.4g} MPa"
+            )
 
     @property
     def is_published(self) -> bool:
@@ -101,9 +111,19 @@ class Case:
 
     @property
     def bending_stiffness(self) -> float:
-        """EI of the undeformed section [N m^2], with the material's factor."""
+        """EI of the undeformed section [N m^2], with the material's factor.
+
+        Of cable that yields: what takes as much work as bending it to the cylinder does.
+        """
         own = self.material.young * math.pi * self.cable_radius**4 / 4.0
-        return self.material.bending_factor * own
+        return self.material.bending_factor * own * yielding_share(self.elastic_core)
+
+    @property
+    def elastic_core(self) -> float:
+        """Share of the radius within which cable bent to the cylinder stays elastic, at most 1."""
+        limit = self.material.yield_stress
+        strain = self.material.young * self.cable_radius / self.centreline_radius
+        return min(limit / strain, 1.0) if limit else 1.0
 
     @property
     def nominal_stress(self) -> float:
@@ -118,6 +138,21 @@ class Case:
     def original_length(self, marker: int) -> float:
         """Return the undeformed cable length [m] from P0 to a marker."""
         return marker * self.marker_spacing
+
+
+def yielding_share(core: float) -> float:
+    """Return the work of bending a round bar over that of one that does not yield.
+
+    Args:
+        core: Share of the radius within which the stress has not reached a constant yield stress,
+            in (0, 1].
+    """
+    left = 1.0 - core**2
+    angle, root = math.asin(core), math.sqrt(left)
+    elastic = 0.25 * (angle - core * (1.0 - 2.0 * core**2) * root)
+    plastic = 4.0 / 3.0 * core * left * root
+    ring = math.pi - 2.0 * (angle + core * root)
+    return 8.0 / math.pi * (elastic + plastic - 0.5 * core**2 * ring)
 
 
 def paper_case(number: int) -> Case:

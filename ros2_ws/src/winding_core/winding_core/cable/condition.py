@@ -19,7 +19,7 @@ from winding_core.machine.drive import (
     PAPER_RAMP_TIME,
     DriveProfile,
 )
-from winding_core.machine.tension import DeadWeight, RigTension
+from winding_core.machine.tension import REFERENCE_DIAMETER, DeadWeight, RigTension
 from winding_core.parameters import (
     ParameterError,
     Spelling,
@@ -59,14 +59,14 @@ class CableAndLoad:
         0.0, "cylinder diameter", LENGTH, 1.0e-3, 2.0, otherwise=_CASE_VALUE
     )
     cable_diameter: float = parameter(
-        0.0, "undeformed cable diameter", LENGTH, 1.0e-4, 0.1, otherwise=_CASE_VALUE
+        0.0, "undeformed cable diameter", LENGTH, 2.0e-5, 0.1, otherwise=_CASE_VALUE
     )
     weight: float = parameter(
         0.0,
         "dead weight on the cable's end",
         FORCE,
-        1.0e-3,
-        1.0e3,
+        1.0e-4,
+        1.0e6,
         option="tension",
         otherwise=_CASE_VALUE,
     )
@@ -75,7 +75,7 @@ class CableAndLoad:
         "dead weight over the undeformed section, instead of the weight",
         STRESS,
         1.0e2,
-        1.0e9,
+        1.0e10,
         option="tension",
         otherwise="the weight",
     )
@@ -84,7 +84,7 @@ class CableAndLoad:
         "marker spacing along the undeformed cable",
         LENGTH,
         1.0e-3,
-        10.0,
+        100.0,
         otherwise=f"the case's, or {OWN_MARKER_SPACING / MILLIMETRE:g} mm",
     )
     markers: int = parameter(Case.marker_count, "count of markers after P0", PLAIN, 1, 64)
@@ -99,7 +99,7 @@ class CableAndLoad:
         Material.axial_factor, "factor on the axial stiffness EA", PLAIN, 1.0e-3, 1.0e3
     )
     bending_factor: float = parameter(
-        Material.bending_factor, "factor on the bending stiffness EI", PLAIN, 1.0e-3, 1.0e3
+        Material.bending_factor, "factor on the bending stiffness EI", PLAIN, 1.0e-7, 1.0e3
     )
     bending_limit: float = parameter(
         0.0,
@@ -108,6 +108,15 @@ class CableAndLoad:
         1.0e-5,
         10.0,
         otherwise="not known",
+    )
+    yield_stress: float = parameter(
+        0.0,
+        "stress at which bending makes the outer fibre yield",
+        STRESS,
+        1.0e3,
+        1.0e10,
+        option="yield",
+        otherwise="it does not yield",
     )
     prony: str = parameter(
         "",
@@ -147,6 +156,7 @@ class CableAndLoad:
             axial_factor=self.axial_factor,
             bending_factor=self.bending_factor,
             bending_limit=self.bending_limit,
+            yield_stress=self.yield_stress,
             prony=self._prony(spelled["prony"]),
         )
         if start is None:
@@ -223,34 +233,42 @@ class Condition(LawParameters, CableAndLoad):
         RigTension.offset,
         "constant part of the span tension, added to the weight's share",
         FORCE,
-        -10.0,
-        10.0,
+        -1.0e6,
+        1.0e6,
     )
     tension_share: float = parameter(
         RigTension.weight_share, "share of the weight in the span tension", PLAIN, 0.0, 2.0
     )
     tension_diameter_gain: float = parameter(
         RigTension.diameter_gain,
-        "change of the span tension with the cylinder diameter over 45 mm",
+        "change of the span tension with the cylinder diameter over the reference diameter",
         FORCE,
-        -10.0,
-        10.0,
+        -1.0e6,
+        1.0e6,
+    )
+    tension_reference_diameter: float = parameter(
+        REFERENCE_DIAMETER,
+        "cylinder diameter at which that change is nothing, by default between the paper's two",
+        LENGTH,
+        1.0e-3,
+        2.0,
     )
     tension_start_share: float = parameter(
         RigTension.start_share, "share of the span tension at the start", PLAIN, 0.0, 2.0
     )
     tension_build_up: float = parameter(
         RigTension.build_up_length,
-        "wound length over which the span tension builds up from its start",
+        "wound length over which the span tension builds up from its start, by default the "
+        "paper's rig's",
         LENGTH,
         1.0e-3,
-        10.0,
+        1.0e3,
     )
     angular_speed: float = parameter(
         PAPER_ANGULAR_SPEED,
         "cylinder speed after the ramp",
         ANGULAR_SPEED,
-        0.01,
+        1.0e-3,
         200.0,
         option="omega",
         label="Cylinder speed",
@@ -267,14 +285,18 @@ class Condition(LawParameters, CableAndLoad):
     ramp_time: float = parameter(PAPER_RAMP_TIME, "time of the linear speed ramp", TIME, 0.05, 60.0)
     duration: float = parameter(PAPER_DURATION, "simulated length of a run", TIME, 0.1, 3.6e3)
     free_length: float = parameter(
-        PAPER_FREE_LENGTH, "tangent span between cylinder and guide", LENGTH, 0.01, 5.0
+        PAPER_FREE_LENGTH,
+        "tangent span between cylinder and guide, by default the paper's rig's",
+        LENGTH,
+        0.01,
+        50.0,
     )
     guide_distance: float = parameter(
         0.0,
         "distance of the guide from the cylinder axis, instead of the span",
         LENGTH,
         0.01,
-        5.0,
+        50.0,
         otherwise="the span",
     )
 
@@ -351,10 +373,12 @@ class Condition(LawParameters, CableAndLoad):
         return free_length_of(self.guide_distance, case.centreline_radius)
 
     def _tension_law(self) -> DeadWeight | RigTension:
+        # The law's own reference is the paper's: b (D / D0 - 1) is also linear in D over that one.
+        scale = REFERENCE_DIAMETER / self.tension_reference_diameter
         law = RigTension(
-            offset=self.tension_offset,
+            offset=self.tension_offset + self.tension_diameter_gain * (scale - 1.0),
             weight_share=self.tension_share,
-            diameter_gain=self.tension_diameter_gain,
+            diameter_gain=self.tension_diameter_gain * scale,
             start_share=self.tension_start_share,
             build_up_length=self.tension_build_up,
         )
