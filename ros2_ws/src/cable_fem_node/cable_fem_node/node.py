@@ -52,6 +52,8 @@ class CableFemNode(ManagedNode[FemParameters]):
     def configure(self) -> None:
         """Build the model; subscribe."""
         self._handler = FemHandler(self.configuration, self.go_on, ahead_elsewhere=True)
+        if self._handler.slowness:
+            self.get_logger().warning(self._handler.slowness)
         if self.configuration.update_material:
             load_search()
         self.endpoints.connect(self._handler, extra={topics.TRACKED_MARKERS: self._on_tracked})
@@ -96,6 +98,8 @@ class CableFemNode(ManagedNode[FemParameters]):
         message = "following the machine" if handler.following else "waiting"
         values = {"time": f"{handler.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
         values |= WoundLabel.of(self.configuration.resolved()).values()
+        if handler.slowness:
+            values["slowness"] = handler.slowness
         refused = False
         if self._report is not None:
             t, report = self._report

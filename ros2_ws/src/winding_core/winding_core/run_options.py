@@ -213,6 +213,30 @@ class OperatorLimits(ErrorLimit, LayTolerance):
 
 
 @dataclass(frozen=True, kw_only=True)
+class RunSolver:
+    """How the solver winds: mesh, mass scaling and rolling."""
+
+    segment_length: float = parameter(
+        0.0,
+        "undeformed length of an element",
+        LENGTH,
+        0.0001,
+        0.05,
+        otherwise="what suits cable and cylinder, 5 mm at most",
+        option="segment",
+    )
+    mass_scaling: float = parameter(
+        0.0,
+        "factor on the cable's density",
+        PLAIN,
+        1.0,
+        1.0e4,
+        otherwise="1 with the rod and 400 with the solid",
+    )
+    rolling: bool = parameter(False, "whether the rod may roll on the cylinder", unit=PLAIN)
+
+
+@dataclass(frozen=True, kw_only=True)
 class RunCorrection:
     """How predicted lengths are corrected."""
 

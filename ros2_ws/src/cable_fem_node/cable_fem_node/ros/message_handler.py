@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.ros.parameters import FemParameters
-from cable_fem_node.winding.prediction import PlannedRun
+from cable_fem_node.winding.expected_cost import falling_behind
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead, replay
 from winding_core.machine.incoming_readings import (
@@ -46,6 +47,7 @@ class FemHandler:
 
     Attributes:
         config: The model that every run begins with.
+        slowness: Why the solver may fall behind the machine; empty where it keeps up.
         ahead: The run as planned, wound ahead.
         model: The rod of this run; None before `begin`.
         history: The inputs of this run so far.
@@ -61,11 +63,12 @@ class FemHandler:
         *,
         ahead_elsewhere: bool = False,
     ) -> None:
-        self.config = wanted.winding_config()
+        planned = wanted.planned()
+        self.config = planned.config
         self._axes = wanted
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
-        drive = wanted.resolved().drive
+        drive = planned.drive
         self._limits = ReadingLimits(
             weight=self.config.case.weight,
             angular_speed=drive.angular_speed,
@@ -74,9 +77,8 @@ class FemHandler:
         self._before: tuple[float, AxisReading] | None = None
         self._go_on = go_on
         self._ahead_elsewhere = ahead_elsewhere
-        self.ahead = RunAhead.of(
-            PlannedRun(config=self.config, drive=drive, duration=wanted.duration)
-        )
+        self.slowness = falling_behind(planned, time.thread_time)
+        self.ahead = RunAhead.of(planned)
         self.ahead.wind_piece(self._going, FIRST_STEPS)
         self._replay = Path(wanted.replay) if wanted.replay else None
         self.replayed: float | None = None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
@@ -32,3 +33,13 @@ class FemParameters(SolverParameters, ReplayParameters, MachineAxes, Condition):
             ValueError: The condition is not one, or the material cannot carry the weight.
         """
         return self.config_of(self.resolved())
+
+    def planned(self) -> PlannedRun:
+        """Return the run that the parameters describe.
+
+        Raises:
+            ValueError: As `winding_config`, or the solver cannot be right about the run.
+        """
+        return PlannedRun(
+            config=self.winding_config(), drive=self.resolved().drive, duration=self.duration
+        )

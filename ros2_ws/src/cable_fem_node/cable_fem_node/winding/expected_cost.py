@@ -19,8 +19,9 @@ _TRIAL_STEPS, _LONGER, _TRIAL_S = 50, 2, 0.03
 _AWAKE_NODES = 32
 # Cable comes to rest this long after it has landed [s].
 _REST_S = 0.2
-# What a call of the model costs beside its steps [s].
-_CALL_S = 2.0e-4
+# What a call of the model costs beside its steps [s], and a step beside its elements, in elements:
+# spans of 10 to 30 elements cost 1.1 to 1.5 times as much for each as the 30 to 60 of a run.
+_CALL_S, _STEP = 4.0e-4, 4.0
 # Nine cables of the kinds of `_QUASI_STATIC` in `winding/validity.py`, their density raised step by
 # step, change their wound tension by less than 0.4 % while motion takes at most this share of it
 _SLOW = 0.02
@@ -33,6 +34,9 @@ _RINGING, _CALM, _CALM_WAVE = 3.0e-4, 1.0e-3, 0.125
 _LAG_TENSION, _LAG_STRAIN, _LAY = 0.08, 0.004, 0.01
 # As much as the parameter allows.
 _LARGEST = 1.0e4
+# A live run has a core for everything; half of it is sure to suffice when an estimate may be wrong
+# by a factor of two. Elements times steps per simulated second that take less anywhere.
+_LIVE, _SURELY_LIVE = 0.5, 2.0e6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,20 +69,21 @@ def expected_cost(
         DivergenceError: The integration fails within the first steps.
     """
     model = run.model()
-    trial, t, taken, counted = _TRIAL_STEPS * model.step_limit, 0.0, 0.0, 1
+    trial, t, taken, counted = _TRIAL_STEPS * model.step_limit, 0.0, 0.0, 1.0
     while t == 0.0 or (taken < _TRIAL_S and t < run.duration):
-        first, before, began = t == 0.0, model.element_steps, cpu_clock()
+        last, before, began = t, model.element_steps, cpu_clock()
         t = min(t + trial, run.duration)
         model.advance_to(t, run.drive.reading_at(t))
-        if not first:
-            taken, counted = cpu_clock() - began, model.element_steps - before
+        if last > 0.0:
+            taken = cpu_clock() - began
+            counted = model.element_steps - before + _STEP * (t - last) / model.step_limit
             trial *= _LONGER
     steps = math.ceil(run.duration / min(model.step_limit, 1.0 / rate))
     elements = model.element_steps * model.step_limit / t
     if run.element == "rod":
         elements = _rod_elements(run)
     calls = _CALL_S * rate * run.duration
-    stepping = taken / counted * steps * elements
+    stepping = taken / counted * steps * (elements + _STEP)
     scaling = _largest_scaling(run)
     return ExpectedCost(
         cpu_seconds=stepping + calls,
@@ -87,6 +92,46 @@ def expected_cost(
         mass_scaling=scaling,
         scaled_cpu_seconds=stepping / math.sqrt(scaling / run.config.mass_scaling) + calls,
     )
+
+
+def falling_behind(run: PlannedRun, cpu_clock: Callable[[], float], *, pace: float = 1.0) -> str:
+    """Return by how much a live run cannot keep up and what to do about it; empty where it can.
+
+    Args:
+        run: What is wound live, with the rod.
+        cpu_clock: Processor time [s].
+        pace: Simulated seconds per second.
+
+    Raises:
+        DivergenceError: The integration fails within the first steps.
+    """
+    resolved = run.config.resolved
+    if pace * _rod_elements(run) / resolved.step < _SURELY_LIVE:
+        return ""
+    cost = expected_cost(run, cpu_clock)
+    needed, scaled = (
+        pace * seconds / run.duration for seconds in (cost.cpu_seconds, cost.scaled_cpu_seconds)
+    )
+    if needed < _LIVE:
+        return ""
+    sentence = (
+        f"the solver needs about {needed:.2g} s of processor time a second (limit {_LIVE:g}) and "
+        "may fall behind the machine: "
+    )
+    more = cost.mass_scaling / run.config.mass_scaling
+    if more > 1.0:
+        motion = more * motion_share(resolved, run.drive)
+        kinetic = (wave_share(resolved, run.drive.angular_speed) / (resolved.stretch - 1.0)) ** 2
+        sentence += (
+            f"a mass scaling of {cost.mass_scaling:g} (mass_scaling) takes about {scaled:.2g} s "
+            "and changes the wound tension by less than 0.4 %, the lay by about 1 % of the "
+            f"cable's diameter; motion then takes rho A v max(v, L / t) / F = {motion:.2g} of "
+            f"the tension, kinetic over strain energy is {more * kinetic:.2g}"
+        )
+        if scaled < _LIVE:
+            return sentence
+        sentence += "; still too much: "
+    return f"{sentence}wind slower, or take longer elements (segment_length)"
 
 
 def _rod_elements(run: PlannedRun) -> float:

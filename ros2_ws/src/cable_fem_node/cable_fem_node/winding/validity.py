@@ -34,6 +34,8 @@ _SAGGING, _HANGING, _GRAVITY = 0.1, 4.0, 9.81
 # From this modulus on [Pa] materials bear a few percent of strain at most: metals yield below 1 %,
 # hard plastics at 2 to 5 % (Ashby, Materials Selection in Mechanical Design, strength and modulus).
 _STIFF, _STIFF_STRAIN = 1.0e9, 0.02
+# Bent by a plastic moment the neutral line lies F / (4 r sigma_y) from the middle, r the radius.
+_QUARTER = 0.25 * math.pi
 FULL_TURN = 2.0 * math.pi
 # Parts of a turn at which the lay of a guide that turns back is followed.
 _PARTS = 180
@@ -72,7 +74,8 @@ class Check:
 
 def checks_of(resolved: ResolvedModel) -> tuple[Check, ...]:
     """Return what can be checked of a model, whatever its element."""
-    return (_stiffness(resolved), _weight(resolved), _fibre(resolved), _span(resolved))
+    own = (_stiffness(resolved), _weight(resolved), _fibre(resolved), _span(resolved))
+    return (*own, _growth(resolved)) if resolved.case.elastic_core < 1.0 else own
 
 
 def rod_checks(resolved: ResolvedModel) -> tuple[Check, ...]:
@@ -183,7 +186,9 @@ def _stiffness(resolved: ResolvedModel) -> Check:
         f"MPa, cable {case.cable_diameter / MILLIMETRE:.4g} mm), lowest tension "
         f"{resolved.lowest_tension:.4g} N, "
         f"wound radius {resolved.wound_radius / MILLIMETRE:.4g} mm; such a cable does not lie on "
-        "the cylinder: take more tension, a thicker cylinder or a softer cable",
+        "the cylinder: take more tension, a thicker cylinder or a softer cable, or state what it "
+        "bends like if it is no full elastic bar: wires that slip (bending_factor), a stress at "
+        "which it yields (yield_stress)",
     )
 
 
@@ -206,7 +211,9 @@ def _fibre(resolved: ResolvedModel) -> Check:
     case = resolved.case
     strain = case.cable_radius / resolved.wound_radius
     own = case.material.bending_limit
-    guess = _STIFF_STRAIN if case.material.young >= _STIFF else math.inf
+    # Wires that slip are as thick as the whole times the root of the factor.
+    wire = math.sqrt(min(case.material.bending_factor, 1.0))
+    guess = _STIFF_STRAIN / wire if case.material.young >= _STIFF else math.inf
     return Check(
         name="the bending strain of the outer fibre, d / (D + d),",
         value=strain,
@@ -217,6 +224,22 @@ def _fibre(resolved: ResolvedModel) -> Check:
         + ("of the material (bending_limit)" if own else "of stiff materials, as none is given")
         + "; beyond it the cable yields, breaks or kinks: take a thicker cylinder or a thinner "
         "cable, or state what the material bears (bending_limit)",
+    )
+
+
+def _growth(resolved: ResolvedModel) -> Check:
+    case = resolved.case
+    share = resolved.tension / (case.section_area * case.material.yield_stress)
+    grown = 100.0 * _QUARTER * share * case.cable_radius / resolved.wound_radius
+    return Check(
+        name="the stretch that yielding leaves, (pi / 4) F / (A sigma_y) d / (D + d) [%],",
+        value=grown,
+        warned_from=_STRETCH_ERROR_PCT,
+        refused_from=math.inf,
+        advice=f"under {resolved.tension:.4g} N the middle of the wire yields with its outer side "
+        f"as it is bent, and it comes to lie longer by {grown:.2g} %, which is not computed: take "
+        "less tension or a thicker cylinder, or multiply wound lengths by "
+        f"{1.0 + 0.01 * grown:.4f}",
     )
 
 

@@ -14,8 +14,7 @@ from winding_core.cable.material_law import LawParameters, MaterialLaw
 from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drum import Drum
 from winding_core.machine.tension import DeadWeight, TensionLaw
-from winding_core.parameters import parameter
-from winding_core.units import LENGTH, PLAIN
+from winding_core.run_options import RunSolver
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -117,27 +116,8 @@ class WindingConfig(LawParameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolverParameters:
-    """How the solver winds a condition: mesh, mass scaling and rolling as parameters."""
-
-    segment_length: float = parameter(
-        0.0,
-        "undeformed length of an element",
-        LENGTH,
-        0.0001,
-        0.05,
-        otherwise="what suits cable and cylinder, 5 mm at most",
-        option="segment",
-    )
-    mass_scaling: float = parameter(
-        0.0,
-        "factor on the cable's density",
-        PLAIN,
-        1.0,
-        1.0e4,
-        otherwise="1 with the rod and 400 with the solid",
-    )
-    rolling: bool = parameter(False, "whether the rod may roll on the cylinder", unit=PLAIN)
+class SolverParameters(RunSolver):
+    """How the solver winds a condition."""
 
     def config_of(self, what: ResolvedCondition, *, mass_scaling: float = 1.0) -> WindingConfig:
         """Return the model of a condition.

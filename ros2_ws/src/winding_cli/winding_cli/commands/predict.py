@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -30,6 +31,8 @@ from winding_cli.terminal.output_path import (
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_core.parameters import typed_values
+from winding_core.run_spec import SECTION_OF, RunSpec
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 from winding_study.run_parameters import RunParameters
 
@@ -73,6 +76,10 @@ _CHECKS = (
 def predict(
     typed: Typed,
     *,
+    cell: Annotated[
+        Path | None,
+        typer.Argument(help="Cell file with any of these options, see `winding cell init`."),
+    ] = None,
     json_file: Json = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only check whether the solver can be right about it.")
@@ -122,7 +129,7 @@ def predict(
     if pictures < 2:
         refuse(f"--pictures must be 2 or more, got {pictures}")
     with refused(ValueError), refused(SolverError, code=FAILED):
-        run = RunParameters.from_typed(typed, spelling=spelled).plan()
+        run = _parameters(cell, typed).plan()
         if check:
             _print_checks(run)
             return
@@ -150,6 +157,17 @@ def predict(
     _print(result, record)
     if json_file is not None:
         write_json(json_file, record)
+
+
+def _parameters(cell: Path | None, typed: Typed) -> RunParameters:
+    """Return what is wound by a cell file and by options, which win over it."""
+    if cell is None:
+        return RunParameters.from_typed(typed, spelling=spelled)
+    of_run = {key: value for key, value in typed.items() if key in SECTION_OF}
+    own = {key: value for key, value in typed.items() if key not in SECTION_OF}
+    spec = RunSpec.from_cell(cell, of_run, spelled)
+    values: dict[str, Any] = asdict(spec.condition) | asdict(spec.solver)
+    return RunParameters(**values | typed_values(RunParameters, own, spelled))
 
 
 def _print_checks(run: PlannedRun) -> None:

@@ -75,6 +75,7 @@ def run(
 ) -> None:
     """Wind one case: predict, measure, correct; end with a table and a report."""
     from winding_cli.run.delivery import RunDelivery
+    from winding_cli.run.keeping_up import warn_of_slowness
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here
     from winding_recorder.bags.description import ORIGIN
@@ -85,6 +86,7 @@ def run(
         config = configured(spec, {ORIGIN: origin.text})
     if spec.path("json") == STANDARD_OUTPUT:
         print_aside()
+    warn_of_slowness(config)
     delivery = RunDelivery(config, origin)
     failure = wind(config, delivery)
     if failure is not None:
