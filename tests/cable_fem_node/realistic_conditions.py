@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.winding.prediction import PlannedRun
+from winding_core.parameters import build
 from winding_study.run_parameters import RunParameters
 
 Range = tuple[float, float]
@@ -77,7 +77,11 @@ KINDS = {
 
 
 def drawn(seed: int) -> tuple[str, RunParameters]:
-    """Return the kind and the condition of a seed: three turns, the first ones beside each other."""
+    """Return the kind and the condition of a seed: three turns of an even lay.
+
+    Raises:
+        ParameterError: A value is outside the limits of the options.
+    """
     rng = np.random.default_rng([17, seed])
 
     def spread(low: float, high: float) -> float:
@@ -91,7 +95,7 @@ def drawn(seed: int) -> tuple[str, RunParameters]:
     radius = 0.5 * (cylinder + diameter)
     omega = min(spread(0.05, 0.5) / radius, 20.0)
     ramp = rng.uniform(0.5, 2.0)
-    return name, RunParameters(
+    values = dict(
         case=0,
         cylinder_diameter=cylinder,
         cable_diameter=diameter,
@@ -111,12 +115,5 @@ def drawn(seed: int) -> tuple[str, RunParameters]:
         markers=1,
         marker_spacing=min(max(math.tau * radius, 1.0e-3), 10.0),
     )
-
-
-def planned(parameters: RunParameters) -> PlannedRun:
-    """Return the run of a condition.
-
-    Raises:
-        ValueError: It is refused.
-    """
-    return parameters.plan()
+    # Refuses what is outside the declared limits, as a command does.
+    return name, build(RunParameters, values, owner="a draw")
