@@ -95,25 +95,25 @@ def drawn(seed: int) -> tuple[str, RunParameters]:
     radius = 0.5 * (cylinder + diameter)
     omega = min(spread(0.05, 0.5) / radius, 20.0)
     ramp = rng.uniform(0.5, 2.0)
-    values = dict(
-        case=0,
-        cylinder_diameter=cylinder,
-        cable_diameter=diameter,
-        weight=tension,
-        young=young,
-        poisson=0.3,
-        density=spread(*kind.density),
-        bending_factor=spread(*kind.bending),
-        yield_stress=spread(*kind.flow) if kind.flow else 0.0,
-        law=kind.law,
-        friction=rng.uniform(0.1, 0.4),
-        free_length=min(max(cylinder * rng.uniform(0.5, 3.0), 0.01), 2.0),
-        angular_speed=omega,
-        ramp_time=ramp,
-        feed_speed=min(rng.uniform(1.05, 2.0) * diameter * omega / math.tau, 0.5),
-        duration=max(0.1, 3.0 * math.tau / omega + 0.5 * ramp),
-        markers=1,
-        marker_spacing=min(max(math.tau * radius, 1.0e-3), 10.0),
-    )
+    values = {
+        "case": 0,
+        "cylinder_diameter": cylinder,
+        "cable_diameter": diameter,
+        "weight": tension,
+        "young": young,
+        "poisson": 0.3,
+        "density": spread(*kind.density),
+        "bending_factor": spread(*kind.bending),
+        "yield_stress": spread(*kind.flow) if kind.flow else 0.0,
+        "law": kind.law,
+        "friction": rng.uniform(0.1, 0.4),
+        "free_length": min(max(cylinder * rng.uniform(0.5, 3.0), 0.01), 2.0),
+        "angular_speed": omega,
+        "ramp_time": ramp,
+        "feed_speed": min(rng.uniform(1.05, 2.0) * diameter * omega / math.tau, 0.5),
+        "duration": max(0.1, 3.0 * math.tau / omega + 0.5 * ramp),
+        "markers": 1,
+        "marker_spacing": min(max(math.tau * radius, 1.0e-3), 10.0),
+    }
     # Refuses what is outside the declared limits, as a command does.
     return name, build(RunParameters, values, owner="a draw")
