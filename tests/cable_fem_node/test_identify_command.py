@@ -1,5 +1,6 @@
 """`winding identify`: what it reads, reports and refuses."""
 
+import dataclasses
 import json
 from pathlib import Path
 from typing import Any
@@ -8,7 +9,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+from cable_fem_node.identification import RigPrior
 from winding_cli.app import app
+from winding_study.identification.rig_prior import RigPriorParameters
 
 # P1 to P4 of case 4 as a rod of 2.5 mm elements lays them with 2.6 MPa.
 TRUTH = "\n".join(
@@ -181,10 +184,27 @@ def test_known_tension_is_known(markers: Path, tmp_path: Path) -> None:
     assert found["untold"] == []
 
 
+def test_the_prior_of_the_rig_is_what_is_typed(markers: Path, tmp_path: Path) -> None:
+    words = ("--prior-load-share", "1,1", "--prior-guide-drag-n", "0,0", "--prior-steady", 1)
+    found, _ = identified(tmp_path, markers, "--case", 4, "--use", 2, "--rig", *words)
+    assert found["rig"]["load_share"]["deviation"] == 0.0
+    assert "load_share" not in found["untold"]
+
+
+def test_the_prior_that_is_shown_is_the_one_that_is_taken() -> None:
+    shown, taken = RigPriorParameters(), RigPrior()
+    for item in dataclasses.fields(shown):
+        value = getattr(shown, item.name)
+        assert (tuple(value) if isinstance(value, list) else value) == getattr(taken, item.name)
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
         (("--scatter-mm", 1), "need --rig"),
+        (("--prior-load-share", "0.5,0.9"), "--prior-load-share needs --rig"),
+        (("--rig", "--prior-load-share", "0.9,0.5"), "load_share must ascend, got [0.9, 0.5]"),
+        (("--rig", "--prior-build-up-mm", 3), "--prior-build-up-mm must be a list of 2 numbers"),
         (("--rig", "--fixing-mm", -2), "fixing must not be negative, got -0.002"),
         (("--rig", "--scatter-mm", "nan"), "scatter must be finite"),
     ],

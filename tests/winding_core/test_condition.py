@@ -79,6 +79,15 @@ def test_rig_tension_is_wound_where_it_is_not_the_dead_weight() -> None:
     assert what.tension_law == RigTension(start_share=0.4)
 
 
+def test_the_tension_changes_with_the_cylinder_over_a_reference_of_one_s_own() -> None:
+    typed = {"cylinder_diameter_mm": 300, "cable_diameter_mm": 8, "tension_n": 5000}
+    rig = {"tension_diameter_gain_n": 800, "tension_reference_diameter_mm": 200}
+    law = Condition.from_typed({**typed, **rig, "tension_offset_n": -100}).resolved().tension_law
+    # F0 + T + b (D / D0 - 1), at two diameters of the cylinder.
+    assert law(5000.0, 0.3, 0.0) == pytest.approx(-100.0 + 5000.0 + 800.0 * 0.5)
+    assert law(5000.0, 0.2, 0.0) == pytest.approx(-100.0 + 5000.0)
+
+
 def test_what_is_shown_can_be_typed_again() -> None:
     condition = Condition.from_typed({"case": 4, "young_mpa": 3.1, "feed_mm_s": 7.0})
     values = {item.name: getattr(condition, item.name) for item in options(Condition).values()}

@@ -12,11 +12,13 @@ from winding_cli.terminal.console import Shown, busy, record_table, result_conso
 from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_core.parameters import typed_values
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE
+from winding_study.identification.rig_prior import RigPriorParameters
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from cable_fem_node.identification import TrackedRun
+    from cable_fem_node.identification import RigPrior, TrackedRun
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_core.markers import Markers
     from winding_study.identification.tensile import LawFit
@@ -38,9 +40,10 @@ _LAWS = (
 )
 
 
-@with_options(RunParameters)
+@with_options(RunParameters, RigPriorParameters)
 def identify(
     typed: Typed,
+    known: Typed,
     *,
     sources: Annotated[
         list[Path] | None,
@@ -86,6 +89,8 @@ def identify(
         refuse("--rig needs markers, --tensile has none")
     if not rig and (known_tension or fixing_mm is not None or scatter_mm is not None):
         refuse("--known-tension, --fixing-mm and --scatter-mm need --rig")
+    if not rig and known:
+        refuse(f"{spelled(next(iter(known)))} needs --rig")
     check_output_file(json_file, "--json", force=force)
     with refused(ValueError):
         if tensile is not None:
@@ -93,7 +98,8 @@ def identify(
         else:
             runs = _runs(sources or [], weight_n or [], typed)
             if rig:
-                record = _rig(runs, use, known_tension, fixing_mm or 0.0, scatter_mm or 0.0)
+                prior = _prior(known_tension, known, fixing_mm or 0.0, scatter_mm or 0.0)
+                record = _rig(runs, use, prior)
             else:
                 record = _identified(runs, use)
     if json_file is not None:
@@ -166,17 +172,25 @@ def _first(runs: list[TrackedRun], use: int | None) -> list[TrackedRun]:
     return [dataclasses.replace(run, readings=run.readings.first(use)) for run in runs]
 
 
-def _rig(
-    runs: list[TrackedRun], use: int | None, known: bool, fixing_mm: float, scatter_mm: float
-) -> dict[str, Any]:
-    from cable_fem_node.identification import KNOWN_TENSION, RigPrior, identify_rig
-    from winding_cli.offline.identified import print_rig, rig_record
+def _prior(known_tension: bool, known: Typed, fixing_mm: float, scatter_mm: float) -> RigPrior:
+    from cable_fem_node.identification import KNOWN_TENSION, RigPrior
 
-    prior = dataclasses.replace(
-        KNOWN_TENSION if known else RigPrior(),
+    values: dict[str, Any] = typed_values(RigPriorParameters, known, spelled)
+    ranges: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
+    }
+    return dataclasses.replace(
+        KNOWN_TENSION if known_tension else RigPrior(),
         fixing=fixing_mm * MILLIMETRE,
         scatter=scatter_mm * MILLIMETRE,
+        **ranges,
     )
+
+
+def _rig(runs: list[TrackedRun], use: int | None, prior: RigPrior) -> dict[str, Any]:
+    from cable_fem_node.identification import identify_rig
+    from winding_cli.offline.identified import print_rig, rig_record
+
     with busy(f"identifying the rig from {len(runs)} runs"):
         record = rig_record(identify_rig(_first(runs, use), prior), runs)
     print_rig(result_console(), record)

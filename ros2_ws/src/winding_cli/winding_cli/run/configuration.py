@@ -52,7 +52,7 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
     what = spec.condition.resolved()
     with spec.source.at("condition:"):
         # Refuses here what the solver's node would refuse only after its start.
-        SolverParameters(**spec.asked("solver")).config_of(what)
+        build(SolverParameters, spec.asked("solver"), owner="winding run").config_of(what)
     if graph.parameters and not Path(graph.parameters).is_file():
         label = spec.source.label("parameters")
         raise ParameterError(f"{label}: there is no file {graph.parameters}")

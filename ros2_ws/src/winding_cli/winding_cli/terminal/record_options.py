@@ -31,6 +31,7 @@ PANEL_OF_RECORD = {
     "ErrorLimit": "What is written",
     "PlanParameters": "Limits of the machine",
     "DrumParameters": "Drum",
+    "RigPriorParameters": "Rig, as known before",
 }
 
 
