@@ -108,7 +108,9 @@ class RigSearch:
         build_up = modes.build_up[cell] * np.exp(moved)
         spread = np.linalg.cholesky(np.linalg.inv(modes.information))
         normal = rng.standard_normal((count, COUNT))
-        tail = np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, count))
+        # Pairs to either side, whose mean is not left to chance.
+        normal[1::2] = -normal[: count - 1 : 2]
+        tail = np.repeat(np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (count + 1) // 2)), 2)[:count]
         q = modes.best[cell] + self._slopes()[cell] * moved[:, None]
         q = q + np.einsum("nij,nj->ni", spread[cell], normal) * tail[:, None]
         residuals, rigs = self._residuals(q, build_up, modes.steady[cell])
