@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.landing import Landing, landing_of
 from cable_fem_node.identification.quasi_static import turning, unit_law
-from cable_fem_node.identification.rig import Rigs, rigs_of
+from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun
 from cable_fem_node.winding.resolved_model import STIFF
 from winding_core.machine.drive import DriveProfile
@@ -69,6 +69,7 @@ class RigLay:
         self._bend = 0.5 * case.bending_stiffness / (case.material.young * case.axial_area)
         self._about = self._span_stretch(run.readings)
         self._drive = _drive_of(run.inputs)
+        self._landings: dict[bool, Landing] = {}
 
     def _span_stretch(self, readings: Readings) -> float:
         """Return about the stretch of the span, from the last marker."""
@@ -86,6 +87,13 @@ class RigLay:
         """Return the nominal stress over E under a stretch."""
         return float(np.interp(stretch, self._stretch, self._stress))
 
+    def added_stretch(self) -> float:
+        """Return what elements and contact of the rod add to the stretch of the run, relative."""
+        known = self._landing(self._config.resolved.constants.late > 0)
+        stress = np.array([self.stress_of(self._about)])
+        more = self._at(stress * (1.0 + known.at(self._at(stress)).excess)) / self._about
+        return abs(float(more[0]) - 1.0)
+
     def __call__(self, rigs: Rigs, count: int | None = None) -> tuple[FloatArray, FloatArray]:
         """Return (theta [rad], z [m]) of P1 to P`count`, or of all markers, shape (n, count)."""
         arc = self.arc[:count]
@@ -97,13 +105,13 @@ class RigLay:
         step = reach / pieces
         theta = np.asarray(step * np.arange(pieces + 1), dtype=np.float64)
         most_rows = max(1, _AT_ONCE // theta.size)
-        table, late = rigs.table(), self._late(rigs)
-        found = np.empty((2, len(table), arc.size))
+        late = self._late(rigs)
+        found = np.empty((2, late.size, arc.size))
         for stiff in np.unique(late):
-            landing = landing_of(self._config, self._drive, self._about, late=bool(stiff))
+            landing = self._landing(bool(stiff))
             rows = np.flatnonzero(late == stiff)
             for part in np.array_split(rows, math.ceil(rows.size / most_rows)):
-                found[:, part] = self._laid(rigs_of(table[part]), landing, arc, theta, step)
+                found[:, part] = self._laid(rigs.part(part), landing, arc, theta, step)
         return found[0], found[1]
 
     def _laid(
@@ -112,11 +120,13 @@ class RigLay:
         later, factor = self._bent(rigs, theta)
         span = self._at(self._span(rigs, theta))
         landing = known.at(span)
-        stress = self._landed(rigs, theta + later + landing.held * landing.element, step)
+        behind = rigs.held[:, None] * landing.held * landing.element
+        stress = self._landed(rigs, theta + later + behind, step)
         span = self._at(stress)
         landing = known.at(span)
         stretch = self._at((stress - self._bending(span)) * (1.0 + landing.excess))
-        radius = np.interp(stretch, self._stretch, self._radius)
+        # The section of the span: what bending takes at the landing does not thicken it.
+        radius = np.interp(span, self._stretch, self._radius)
         # The node that lands bears what the span pulls aside more than the laid cable.
         yields = 0.5 * stress * landing.element / (landing.stick * span)
         lag = rigs.free_length[:, None] * factor * (1.0 + landing.lag) / radius
@@ -132,6 +142,12 @@ class RigLay:
         laid = np.zeros_like(reference)
         np.cumsum(0.5 * step * (reference[:, 1:] + reference[:, :-1]), axis=1, out=laid[:, 1:])
         return _read(arc, laid, theta, z)
+
+    def _landing(self, late: bool) -> Landing:
+        if late not in self._landings:
+            known = landing_of(self._config, self._drive, self._about, late=late)
+            self._landings[late] = known
+        return self._landings[late]
 
     def _at(self, stress: FloatArray) -> FloatArray:
         return np.interp(stress, self._stress, self._stretch)
