@@ -58,7 +58,7 @@ def tracked(config: WindingConfig = CONFIG, duration: float = 12.0, **changed: A
 def wound(
     config: WindingConfig, duration: float = PAPER_DURATION, segment: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return theta [rad] and z [m] of P1, P2, ... that a rod lays, of its own elements or others."""
+    """Return theta [rad] and z [m] of P1 to Pn that a rod of its own or other elements lays."""
     rod = dataclasses.replace(config, segment_length=segment)
     markers = predict(rod, DRIVE, duration, rate=1.0).markers[1:]
     landed = markers[is_wound(markers)]

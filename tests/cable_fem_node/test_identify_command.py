@@ -15,7 +15,7 @@ from winding_cli.app import app
 
 @cache
 def truth() -> str:
-    """Return P1 to P4 of case 4 as a rod of 2.5 mm elements lays them with 2.6 MPa, out of order."""
+    """Return P1 to P4 of case 4 as 2.5 mm elements lay them with 2.6 MPa, out of order."""
     places = zip(*wound(CONFIG, segment=2.5e-3), strict=True)
     rows = [f"{n},{theta:.4f},{z:.5f}" for n, (theta, z) in enumerate(places, start=1)]
     return "\n".join(["marker,theta_rad,z_m", "P0,0,0", rows[1], rows[0], *rows[2:]])

@@ -80,9 +80,7 @@ def landing_of(
     highest = _HIGHEST_STRESS * float(law.nominal_stress(min(law.limit()[1], 3.5)))
     most = law.stretch_at(highest) - 1.0
     strain = min(max(stretch - 1.0, least), most)
-    first, last = (
-        round(_OCTAVE * math.log2(share * strain)) for share in (_BELOW, _ABOVE)
-    )
+    first, last = (round(_OCTAVE * math.log2(share * strain)) for share in (_BELOW, _ABOVE))
     rungs = {min(max(2.0 ** (power / _OCTAVE), least), most) for power in range(first, last + 1)}
     plain = dataclasses.replace(config, tension_law=DeadWeight(), drum=None, rolling=False)
     found = [_asked(plain, drive, rung, late) for rung in sorted(rungs)]

@@ -102,7 +102,10 @@ class RigPrior:
 
 # The tension at the cylinder is the stated one: a load cell in the span.
 KNOWN_TENSION = RigPrior(
-    load_share=(1.0, 1.0), guide_drag=(0.0, 0.0), steady=1.0, build_up_length=(0.2, 0.2),
+    load_share=(1.0, 1.0),
+    guide_drag=(0.0, 0.0),
+    steady=1.0,
+    build_up_length=(0.2, 0.2),
     held=(1.0, 1.0),
 )
 
