@@ -71,7 +71,7 @@ def landing_of(
     Args:
         config: What is wound; its tension does not matter.
         drive: How the axes move.
-        stretch: About that of the span.
+        stretch: About that of the span, a ratio of lengths.
         late: Whether friction holds a landing later, as the rod has it with stiff cable.
     """
     case, law = config.case, config.resolved.law

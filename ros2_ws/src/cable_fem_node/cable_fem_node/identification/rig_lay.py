@@ -1,10 +1,9 @@
 """Closed-form lay of many rigs at once, with what bending and friction do at the landing.
 
-Beyond `quasi_static.lay` it has four things that the rod taught, wound with elements of 2.5 mm
-and less: a cable with bending stiffness touches the cylinder phi = arccos(1 - b) late, with
-b = EI l / (2 F rho^2), so that it lands under the tension of a little later and with the lag
-L cos(phi) / rho; bending takes less than b of the landed tension; friction holds no tension that
-rises along the cable faster than the capstan law allows.
+Beyond `quasi_static.lay` a cable with bending stiffness touches the cylinder phi = arccos(1 - b)
+late, with b = EI l / (2 F rho^2), so that it lands under the tension of a little later and with the
+lag L cos(phi) / rho; friction holds no tension that rises along the cable faster than the capstan
+law allows; and the rod's elements and contact add what `landing` finds.
 """
 
 from __future__ import annotations

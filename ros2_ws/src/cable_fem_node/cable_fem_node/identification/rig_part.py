@@ -13,14 +13,14 @@ from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.tracked_run import TrackedRun
 
 # How far the closed form lies from rods of the default elements, rigs drawn from the default prior
-# (seeds 0 to 99): a part of every angle, common to a run; an offset of all angles [rad]; the parts
+# (seeds 0 to 29): a part of every angle, common to a run; an offset of all angles [rad]; the parts
 # of z.
 _ANGLE_SHARE = 0.2e-4
 _OFFSET = 0.4e-3
 _Z_SHARE = 0.4e-3
 _Z_OFFSET = 0.015e-3
-# Of what elements and contact of the rod do to the wound stretch, cable itself does not do all.
-_UNSURE = 0.5
+# Standard deviation of what elements and contact do to the wound stretch, over what the rod shows.
+_UNSURE = 0.25
 
 
 @dataclass(frozen=True, kw_only=True)
