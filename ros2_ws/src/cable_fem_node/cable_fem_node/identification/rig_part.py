@@ -20,7 +20,7 @@ _OFFSET = 0.4e-3
 _Z_SHARE = 0.4e-3
 _Z_OFFSET = 0.015e-3
 # Standard deviation of what elements and contact do to the wound stretch, over what the rod shows.
-_UNSURE = 0.25
+_UNSURE = 0.5
 
 
 @dataclass(frozen=True, kw_only=True)
