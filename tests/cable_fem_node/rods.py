@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any, TypeVar
 
 import numpy as np
 
 from cable_fem_node.identification import Readings, TrackedRun
+from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.cable.cases import paper_case
-from winding_core.machine.drive import DriveProfile
+from winding_core.machine.drive import PAPER_DURATION, DriveProfile
+from winding_core.markers import is_wound
 from winding_core.planned_inputs import planned_inputs
 
 Model = TypeVar("Model", bound=WindingModel)
@@ -50,3 +53,13 @@ def tracked(config: WindingConfig = CONFIG, duration: float = 12.0, **changed: A
     """Return a run of the paper's machine with `readings`."""
     inputs = planned_inputs(DRIVE, duration)
     return TrackedRun(config=config, inputs=inputs, readings=readings(**changed))
+
+
+def wound(
+    config: WindingConfig, duration: float = PAPER_DURATION, segment: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return theta [rad] and z [m] of P1 to Pn that a rod of its own or other elements lays."""
+    rod = dataclasses.replace(config, segment_length=segment)
+    markers = predict(rod, DRIVE, duration, rate=1.0).markers[1:]
+    landed = markers[is_wound(markers)]
+    return landed["theta"].astype(float), landed["z"].astype(float)

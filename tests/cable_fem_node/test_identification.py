@@ -10,7 +10,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from rods import DRIVE, case_of, readings, tracked
+from rods import DRIVE, case_of, readings, tracked, wound
 
 from cable_fem_node.identification import (
     FitConfig,
@@ -20,11 +20,9 @@ from cable_fem_node.identification import (
     with_young,
 )
 from cable_fem_node.identification.rod_run import wind
-from cable_fem_node.winding.prediction import predict
 from winding_core.cable.cases import paper_case
 from winding_core.lay.quasi_static import QuasiStaticLay
 from winding_core.machine.tension import DeadWeight
-from winding_core.markers import is_wound
 from winding_core.planned_inputs import planned_inputs
 from winding_study.identification.constants import identify_constants
 
@@ -42,10 +40,8 @@ SEEDS = range(5)
 @cache
 def truth(case: int, young: float, law: str = "linear") -> tuple[np.ndarray, np.ndarray]:
     """Return theta and z of the markers that a fine rod lays in SHORT."""
-    hidden = dataclasses.replace(with_young(case_of(case), young), segment_length=FINE, law=law)
-    markers = predict(hidden, DRIVE, SHORT, rate=2.0).markers[1:]
-    wound = markers[is_wound(markers)][:2]
-    return wound["theta"].astype(float), wound["z"].astype(float)
+    theta, z = wound(with_young(case_of(case, law=law), young), SHORT, FINE)
+    return theta[:2], z[:2]
 
 
 def measured(

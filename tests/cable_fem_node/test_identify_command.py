@@ -2,28 +2,26 @@
 
 import dataclasses
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from rods import CONFIG, wound
 from typer.testing import CliRunner, Result
 
 from cable_fem_node.identification import RigPrior
 from winding_cli.app import app
 from winding_study.identification.rig_prior import RigPriorParameters
 
-# P1 to P4 of case 4 as a rod of 2.5 mm elements lays them with 2.6 MPa.
-TRUTH = "\n".join(
-    [
-        "marker,theta_rad,z_m",
-        "P0,0,0",
-        "2,13.1261,0.01531",
-        "1,6.5751,0.00454",
-        "3,19.6546,0.02953",
-        "4,26.1676,0.04568",
-    ]
-)
+
+@cache
+def truth() -> str:
+    """Return P1 to P4 of case 4 as 2.5 mm elements lay them with 2.6 MPa, out of order."""
+    places = zip(*wound(CONFIG, segment=2.5e-3), strict=True)
+    rows = [f"{n},{theta:.4f},{z:.5f}" for n, (theta, z) in enumerate(places, start=1)]
+    return "\n".join(["marker,theta_rad,z_m", "P0,0,0", rows[1], rows[0], *rows[2:]])
 
 
 def identify(*arguments: object) -> Result:
@@ -47,7 +45,7 @@ def assert_refused(result: Result, sentence: str) -> None:
 @pytest.fixture
 def markers(tmp_path: Path) -> Path:
     path = tmp_path / "markers.csv"
-    path.write_text(TRUTH)
+    path.write_text(truth())
     return path
 
 

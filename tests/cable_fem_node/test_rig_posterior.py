@@ -1,15 +1,16 @@
 """The joint posterior of a rig: what markers determine, what they do not, and how well.
 
 Truths here are laid by the estimator's own closed form, which takes milliseconds: these tests are
-about the inference. Against the rod it stands in benchmarks/test_rig_accuracy.py. What
-comes in is a tracked marker once it counts as landed and measured.
+about the inference. One test winds rods and compares; more of them are in
+benchmarks/test_rig_accuracy.py. What comes in is a tracked marker once it counts as landed and
+measured.
 """
 
 import dataclasses
 
 import numpy as np
 import pytest
-from rods import CASE, case_of, readings, tracked
+from rods import CASE, case_of, readings, tracked, wound
 
 from cable_fem_node.identification import (
     KNOWN_TENSION,
@@ -22,7 +23,9 @@ from cable_fem_node.identification import (
 from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
-from winding_core.cable.cases import paper_case
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.cable.cases import Case, Material, paper_case
+from winding_core.machine.tension import RigTension
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 # docs/vision.md, on the 30 mm cylinder.
@@ -213,15 +216,51 @@ def test_the_same_markers_give_the_same_posterior() -> None:
     assert np.array_equal(first.covariance, second.covariance)
 
 
-def test_closed_form_lies_where_a_fine_rod_lies() -> None:
-    # Case 4, 2.6 MPa under its dead weight, rod of 2.5 mm elements.
-    theta = np.array([6.5751, 13.1261, 19.6546, 26.1676])
-    z = np.array([4.54e-3, 15.31e-3, 29.53e-3, 45.68e-3])
-    rig = STEADY | WHOLE | {"young": 2.6e6, "free_length": 0.198}
-    found_theta, found_z = laid(run_of(4, 4, STEADY), rig)
-    # Three of the stated deviations: 3e-4 of the angle, and 0.05 mm.
-    assert found_theta == pytest.approx(theta, rel=9.0e-4)
-    assert found_z == pytest.approx(z, abs=0.15e-3)
+def small(law: str, friction: float) -> WindingConfig:
+    """Return a cable of 1.5 mm on a cylinder of 16 mm."""
+    material = Material(young=2.0e6)
+    case = Case(
+        cylinder_diameter=16.0e-3,
+        cable_diameter=1.5e-3,
+        weight=0.4,
+        material=material,
+        marker_count=4,
+        marker_spacing=0.05,
+    )
+    return WindingConfig(case=case, law=law, friction=friction)
+
+
+# Bent by 0.005 to 0.07 of the tension, thinned, on 16 to 60 mm, building up, slippery and not.
+WOUND = {
+    "bent": case_of(6),
+    "wide": case_of(12, friction=0.5),
+    "soft": case_of(2),
+    "thinned": small("neo_hookean", 0.06),
+    "hencky": small("hencky", 0.4),
+    "building": case_of(4, tension_law=RigTension(start_share=0.4, build_up_length=0.15)),
+}
+
+
+@pytest.mark.parametrize("config", WOUND.values(), ids=WOUND.keys())
+def test_closed_form_lies_where_the_rod_lies(config: WindingConfig) -> None:
+    theta, z = wound(config)
+    young = config.case.material.young
+    ids = np.arange(1, theta.size + 1)
+    sigmas = {"sigma_theta": np.full(ids.size, SIGMA_THETA), "sigma_z": np.full(ids.size, SIGMA_Z)}
+    run = tracked(config, 20.0, ids=ids, theta=theta, z=z, **sigmas)
+    rig = STEADY | WHOLE | {"free_length": config.free_length}
+    found, found_z = (row[: ids.size] for row in laid(run, rig | {"young": young}))
+    stiffer, _ = laid(run, rig | {"young": 1.01 * young})
+    # 0.2 % of E is the specification's.
+    sensitivity = np.log(stiffer[: ids.size] / found) / np.log(1.01)
+    assert np.abs(np.log(theta / found) / sensitivity).max() < 2.0e-3
+    # Half the deviation of the tracker on the large cylinder.
+    assert found_z == pytest.approx(z, abs=0.025e-3)
+    # A data sheet that is off by a third does not matter.
+    material = dataclasses.replace(config.case.material, young=young / 1.3)
+    off = dataclasses.replace(config, case=dataclasses.replace(config.case, material=material))
+    estimate = identify_rig([dataclasses.replace(run, config=off)], KNOWN_TENSION)
+    assert estimate.beliefs["young"].mean == pytest.approx(young, rel=2.0e-3)
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,9 @@ from cable_fem_node.identification.tracked_run import IdentificationError
 
 # What an estimate has, in the order of every vector and matrix.
 NAMES = ("young", "free_length", "load_share", "guide_drag", "start_share", "build_up_length")
-# ln of the mean landed stress over E; then free length, load share, drag and start share, each as
-# the normal deviate of its place in its range.
-COUNT = 5
+# ln of the mean landed stress over E; then free length, load share, drag, start share and where
+# friction holds, each as the normal deviate of its place in its range.
+COUNT = 6
 _FARTHEST = 8.0
 
 
@@ -32,15 +32,19 @@ class Rigs:
     guide_drag: FloatArray  # d [N], shape (n,)
     start_share: FloatArray  # f, share of the tension at the start, shape (n,)
     build_up_length: FloatArray  # L_c [m] of wound cable, shape (n,)
+    # Way from the landing point to where friction holds, over that of the rod, shape (n,) or (1,)
+    held: FloatArray = field(default_factory=lambda: np.ones(1))
 
     def table(self) -> FloatArray:
         """Return all numbers in the order of NAMES, shape (n, 6)."""
         return np.column_stack([getattr(self, name) for name in NAMES])
 
-
-def rigs_of(table: FloatArray) -> Rigs:
-    """Return rigs from their numbers in the order of NAMES, shape (n, 6)."""
-    return Rigs(**dict(zip(NAMES, table.T, strict=True)))
+    def part(self, rows: NDArray[np.intp]) -> Rigs:
+        """Return some of the rigs."""
+        return Rigs(
+            **{name: getattr(self, name)[rows] for name in NAMES},
+            held=np.broadcast_to(self.held, self.young.shape)[rows],
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +56,8 @@ class RigPrior:
     Attributes:
         load_share: Range of a. Guide and pulleys take between a tenth and a half.
         start_share: Range of f where it does; the span may start nearly slack.
+        held: Range of how far behind the landing point friction begins to hold, over how far that
+            is on the rod with its elements; those of a cable have no length.
         scatter: Standard deviation of every other marker's place beyond the tracker's [m].
     """
 
@@ -62,6 +68,7 @@ class RigPrior:
     steady: float = 0.5  # Probability that the tension does not build up: f is 1
     start_share: tuple[float, float] = (0.05, 1.1)
     build_up_length: tuple[float, float] = (0.03, 0.6)  # Range of L_c [m]; even in its logarithm
+    held: tuple[float, float] = (0.4, 1.1)
     fixing: float = 0.0  # Standard deviation of where P0 was fixed, along the cable [m]
     scatter: float = 0.0
 
@@ -72,7 +79,7 @@ class RigPrior:
                 raise IdentificationError(f"{item.name} must be finite, got {values.tolist()}")
             if values.size == 2 and values[0] > values[1]:
                 raise IdentificationError(f"{item.name} must ascend, got {values.tolist()}")
-        for name in ("free_length", "load_share", "start_share", "build_up_length"):
+        for name in ("free_length", "load_share", "start_share", "build_up_length", "held"):
             if not getattr(self, name)[0] > 0.0:
                 raise IdentificationError(f"{name} must be positive, got {getattr(self, name)[0]}")
         for name in ("fixing", "scatter"):
@@ -95,13 +102,17 @@ class RigPrior:
 
 # The tension at the cylinder is the stated one: a load cell in the span.
 KNOWN_TENSION = RigPrior(
-    load_share=(1.0, 1.0), guide_drag=(0.0, 0.0), steady=1.0, build_up_length=(0.2, 0.2)
+    load_share=(1.0, 1.0),
+    guide_drag=(0.0, 0.0),
+    steady=1.0,
+    build_up_length=(0.2, 0.2),
+    held=(1.0, 1.0),
 )
 
 
 @dataclass(frozen=True, kw_only=True)
 class RigCoordinates:
-    """From coordinates (n, 5), build-up lengths and whether the tension is steady to rigs.
+    """From coordinates (n, 6), build-up lengths and whether the tension is steady to rigs.
 
     Markers determine the stretch at which the cable was laid, not what made it: E, load share and
     drag hide behind each other. So the first coordinate is that stretch, and E follows.
@@ -118,7 +129,7 @@ class RigCoordinates:
         """Return the rigs.
 
         Args:
-            q: Shape (n, 5).
+            q: Shape (n, 6).
             build_up: L_c [m], shape (n,).
             steady: True where the tension does not build up, shape (n,).
         """
@@ -141,10 +152,11 @@ class RigCoordinates:
             guide_drag=drag,
             start_share=start,
             build_up_length=build_up,
+            held=within(prior.held, 4),
         )
 
     def surprise(self, q: FloatArray, rigs: Rigs) -> FloatArray:
-        """Return the prior's residuals, standard normal each, shape (n, 5)."""
+        """Return the prior's residuals, standard normal each, shape (n, 6)."""
         deviate = np.log(rigs.young / self.young) / self.prior.young_deviation
         return np.column_stack([deviate, q[:, 1:]])
 
@@ -159,5 +171,5 @@ class RigCoordinates:
         return np.asarray(np.maximum(1.0 - (1.0 - start) * decay, 1.0e-3))
 
     def start(self, stress: float) -> FloatArray:
-        """Return where a search begins, from the mean stress over E that markers show, (5,)."""
-        return np.array([math.log(max(stress, 1.0e-4)), 0.0, 0.0, 0.0, 0.0])
+        """Return where a search begins, from the mean stress over E that markers show, (6,)."""
+        return np.array([math.log(max(stress, 1.0e-4)), *np.zeros(COUNT - 1)])

@@ -1,29 +1,28 @@
 """Closed-form lay of many rigs at once, with what bending and friction do at the landing.
 
-Beyond `quasi_static.lay` it has four things that the rod taught, wound with elements of 2.5 mm
-and less: a cable with bending stiffness touches the cylinder phi = arccos(1 - b) late, with
-b = EI l / (2 F rho^2), so that it lands under the tension of a little later and with the lag
-L cos(phi) / rho; bending takes less than b of the landed tension; friction holds no tension that
-rises along the cable faster than the capstan law allows.
+Beyond `quasi_static.lay` a cable with bending stiffness touches the cylinder phi = arccos(1 - b)
+late, with b = EI l / (2 F rho^2), so that it lands under the tension of a little later and with the
+lag L cos(phi) / rho; friction holds no tension that rises along the cable faster than the capstan
+law allows; and the rod's elements and contact add what `landing` finds.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.identification.landing import Landing, landing_of
 from cable_fem_node.identification.quasi_static import turning, unit_law
-from cable_fem_node.identification.rig import Rigs, rigs_of
-from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
+from cable_fem_node.identification.rig import Rigs
+from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun
+from cable_fem_node.winding.resolved_model import STIFF
+from winding_core.machine.drive import DriveProfile
 from winding_core.planned_inputs import continued_inputs
+from winding_core.run_inputs import Inputs
 
-# By least squares over 91 rods of 2.5 mm elements: the share of the lift-off angle by which the
-# landing tension is later; the share of b that bending takes of it, and the power of the lateral
-# stretch with which a thinned section bends; how much of 1 - cos(phi) the lag loses.
-_LATER = 0.87
-_TAKEN = 0.70
-_THINNED = 2.0
-_LAG = 1.03
 # Where bending would take more than this, no cable lies on the cylinder any more.
 _MOST_BENT = 0.9
 # Between two places of the grid [rad]: against 0.01 no angle of 150 rigs moved by 0.15 mrad.
@@ -67,6 +66,17 @@ class RigLay:
         self._radius = case.cylinder_radius + case.cable_radius * self._lateral
         # EI / (2 EA): bending's share of a stress over E.
         self._bend = 0.5 * case.bending_stiffness / (case.material.young * case.axial_area)
+        self._about = self._span_stretch(run.readings)
+        self._drive = _drive_of(run.inputs)
+        self._landings: dict[bool, Landing] = {}
+
+    def _span_stretch(self, readings: Readings) -> float:
+        """Return about the stretch of the span, from the last marker."""
+        radius = self._config.case.centreline_radius
+        length = np.hypot(radius * readings.theta[-1], readings.z[-1])
+        wound = max(float(length) / self.arc[readings.ids[-1] - 1], 1.0)
+        bent = self._bend * wound / radius**2
+        return float(self._at(np.asarray(self.stress_of(wound) + bent)))
 
     def mean_pull(self, angle: float) -> float:
         """Return the mean stated tension [N] until the cylinder has turned by an angle [rad]."""
@@ -75,6 +85,13 @@ class RigLay:
     def stress_of(self, stretch: float) -> float:
         """Return the nominal stress over E under a stretch."""
         return float(np.interp(stretch, self._stretch, self._stress))
+
+    def added_stretch(self) -> float:
+        """Return what elements and contact of the rod add to the stretch of the run, relative."""
+        known = self._landing(self._config.resolved.constants.late > 0)
+        stress = np.array([self.stress_of(self._about)])
+        more = self._at(stress * (1.0 + known.at(self._at(stress)).excess)) / self._about
+        return abs(float(more[0]) - 1.0)
 
     def __call__(self, rigs: Rigs, count: int | None = None) -> tuple[FloatArray, FloatArray]:
         """Return (theta [rad], z [m]) of P1 to P`count`, or of all markers, shape (n, count)."""
@@ -86,33 +103,58 @@ class RigLay:
         pieces = int(reach / _STEP) + 1
         step = reach / pieces
         theta = np.asarray(step * np.arange(pieces + 1), dtype=np.float64)
-        rows = max(1, _AT_ONCE // theta.size)
-        table = rigs.table()
-        parts = [
-            self._laid(rigs_of(table[i : i + rows]), arc, theta, step)
-            for i in range(0, len(table), rows)
-        ]
-        return np.vstack([part[0] for part in parts]), np.vstack([part[1] for part in parts])
+        most_rows = max(1, _AT_ONCE // theta.size)
+        late = self._late(rigs)
+        found = np.empty((2, late.size, arc.size))
+        for stiff in np.unique(late):
+            landing = self._landing(bool(stiff))
+            rows = np.flatnonzero(late == stiff)
+            for part in np.array_split(rows, math.ceil(rows.size / most_rows)):
+                found[:, part] = self._laid(rigs.part(part), landing, arc, theta, step)
+        return found[0], found[1]
 
     def _laid(
-        self, rigs: Rigs, arc: FloatArray, theta: FloatArray, step: float
+        self, rigs: Rigs, known: Landing, arc: FloatArray, theta: FloatArray, step: float
     ) -> tuple[FloatArray, FloatArray]:
         later, factor = self._bent(rigs, theta)
-        stress = self._landed(rigs, theta + _LATER * later, step)
-        stretch = self._at(stress)
-        lateral = np.interp(stretch, self._stretch, self._lateral)
-        taken = _TAKEN * lateral**_THINNED * self._bending(stretch)
-        stretch = self._at(stress - taken)
-        radius = np.interp(stretch, self._stretch, self._radius)
-        z = self._axial(rigs.free_length[:, None] * (1.0 - _LAG * (1.0 - factor)) / radius, theta)
+        span = self._at(self._span(rigs, theta))
+        landing = known.at(span)
+        behind = rigs.held[:, None] * landing.held * landing.element
+        stress = self._landed(rigs, theta + later + behind, step)
+        span = self._at(stress)
+        landing = known.at(span)
+        stretch = self._at((stress - self._bending(span)) * (1.0 + landing.excess))
+        # The section of the span: what bending takes at the landing does not thicken it.
+        radius = np.interp(span, self._stretch, self._radius)
+        # The node that lands bears what the span pulls aside more than the laid cable.
+        yields = 0.5 * stress * landing.element / (landing.stick * span)
+        lag = rigs.free_length[:, None] * factor * (1.0 + landing.lag) / radius
+        z = self._axial(lag + yields, yields, theta)
         slope = np.gradient(z, step, axis=1)
-        reference = np.hypot(radius, slope) / stretch
+        # Nodes ride where those of the span's chords would on a circle: wound cable has shorter
+        # ones, and rising cable shorter ones still that press less.
+        rising = slope**2 / (radius**2 + slope**2)
+        shorter = 1.0 - (stretch / span) ** 2 * (1.0 - rising)
+        sink = stress / (landing.press * span)
+        chords = radius * (1.0 + landing.element**2 * (shorter / 24.0 + sink * rising))
+        reference = np.hypot(chords, slope) / stretch
         laid = np.zeros_like(reference)
         np.cumsum(0.5 * step * (reference[:, 1:] + reference[:, :-1]), axis=1, out=laid[:, 1:])
         return _read(arc, laid, theta, z)
 
+    def _landing(self, late: bool) -> Landing:
+        if late not in self._landings:
+            known = landing_of(self._config, self._drive, self._about, late=late)
+            self._landings[late] = known
+        return self._landings[late]
+
     def _at(self, stress: FloatArray) -> FloatArray:
         return np.interp(stress, self._stress, self._stretch)
+
+    def _late(self, rigs: Rigs) -> NDArray[np.bool_]:
+        """Return for which cables friction holds a landing later, shape (n,)."""
+        span = self._config.resolved.lowest_tension / (rigs.young * self._area)
+        return np.asarray(self._bending(self._at(span)) > STIFF * span)
 
     def _bending(self, stretch: FloatArray) -> FloatArray:
         return self._bend * stretch / np.interp(stretch, self._stretch, self._radius) ** 2
@@ -140,19 +182,27 @@ class RigLay:
         highest = np.maximum.accumulate((span / held)[:, ::-1], axis=1)[:, ::-1]
         return np.asarray(highest * held)
 
-    def _axial(self, lag: FloatArray, theta: FloatArray) -> FloatArray:
+    def _axial(self, lag: FloatArray, ahead: FloatArray, theta: FloatArray) -> FloatArray:
         """Return z [m]: dz/dtheta = (guide - z) / lag, exact for straight pieces, shape (n, k)."""
-        guide = np.interp(theta, self._angle, self._guide)
+        guide = np.interp(theta + ahead, self._angle, self._guide)
         step = theta[1]
         middle = 0.5 * (lag[:, 1:] + lag[:, :-1])
-        behind = middle * (np.diff(guide) / step)
+        behind = middle * (np.diff(guide, axis=1) / step)
         decay = np.exp(-step / middle)
         # z[i + 1] = decay z[i] + what the guide adds.
-        added = guide[1:] - behind - decay * (guide[:-1] - behind)
+        added = guide[:, 1:] - behind - decay * (guide[:, :-1] - behind)
         z = np.zeros_like(lag)
         for i in range(theta.size - 1):
             z[:, i + 1] = decay[:, i] * z[:, i] + added[:, i]
         return z
+
+
+def _drive_of(inputs: Inputs) -> DriveProfile:
+    """Return a drive with the top speeds of inputs."""
+    speed, feed = float(inputs["angular_speed"].max()), inputs["feed_speed"]
+    if not speed > 0.0:
+        return DriveProfile()
+    return DriveProfile(angular_speed=speed, feed_speed=float(feed[np.abs(feed).argmax()]))
 
 
 def _read(

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.modulus import WORST_SHARE
-from cable_fem_node.identification.rig import NAMES, RigPrior, Rigs
+from cable_fem_node.identification.rig import COUNT, NAMES, RigPrior, Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.rig_search import RigSearch
@@ -332,7 +332,7 @@ def _known_before(search: RigSearch) -> dict[str, float]:
     count = 4000
     prior, coordinates = search.prior, search.coordinates
     low, high = np.log(prior.build_up_length)
-    q = rng.standard_normal((count, 5))
+    q = rng.standard_normal((count, COUNT))
     rigs = coordinates.rigs(
         q, np.exp(rng.uniform(low, high, count)), rng.random(count) < prior.steady
     )

@@ -1,4 +1,4 @@
-"""The posterior of a rig: Gaussian in five coordinates along a quadrature over the build-up."""
+"""The posterior of a rig: Gaussian in six coordinates along a quadrature over the build-up."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ class _Modes:
     width: FloatArray  # Of the cell in ln L_c, shape (c,)
     steady: NDArray[np.bool_]  # True for the rig whose tension does not build up, shape (c,)
     prior: FloatArray  # ln of the prior probability of the cell, shape (c,)
-    best: FloatArray  # Shape (c, 5)
-    information: FloatArray  # Shape (c, 5, 5)
+    best: FloatArray  # Shape (c, 6)
+    information: FloatArray  # Shape (c, 6, 6)
     cost: FloatArray  # Half the sum of squares, shape (c,)
 
     @property
@@ -108,7 +108,9 @@ class RigSearch:
         build_up = modes.build_up[cell] * np.exp(moved)
         spread = np.linalg.cholesky(np.linalg.inv(modes.information))
         normal = rng.standard_normal((count, COUNT))
-        tail = np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, count))
+        # Pairs to either side, whose mean is not left to chance.
+        normal[1::2] = -normal[: count - 1 : 2]
+        tail = np.repeat(np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (count + 1) // 2)), 2)[:count]
         q = modes.best[cell] + self._slopes()[cell] * moved[:, None]
         q = q + np.einsum("nij,nj->ni", spread[cell], normal) * tail[:, None]
         residuals, rigs = self._residuals(q, build_up, modes.steady[cell])
@@ -121,7 +123,7 @@ class RigSearch:
         return rigs, weight / weight.sum()
 
     def _slopes(self) -> FloatArray:
-        """Return how the best coordinates move along ln L_c, shape (c, 5)."""
+        """Return how the best coordinates move along ln L_c, shape (c, 6)."""
         modes = self.modes
         slopes = np.zeros_like(modes.best)
         growing = np.flatnonzero(~modes.steady)

@@ -45,7 +45,7 @@ _LANDING = (3.0, 0.5, 0.45)
 _ALLOWED_TENSION_PCT, _SHORTEST = 0.9, 0.05
 # From this bending share on friction holds a node a landing later, when the cable has bent there
 # all the way; it shows a change of tension up to two elements late. The same of 20 such windings.
-_STIFF, _LATE_LANDING = 0.15, (4.5, 1.0, 1.5)
+STIFF, _LATE_LANDING = 0.15, (4.5, 1.0, 1.5)
 
 # Share of the critical step that is taken; the rest covers damping and large rotations.
 STEP_SAFETY = 0.8
@@ -99,7 +99,7 @@ def tension_error_pct(law: MaterialLaw, bending_share: float, ratio: float) -> f
 
 def _landing_pct(bending_share: float) -> tuple[float, float]:
     """Return the error with elements as long as the radius [%], and its power of their length."""
-    size, share, power = _LATE_LANDING if bending_share > _STIFF else _LANDING
+    size, share, power = _LATE_LANDING if bending_share > STIFF else _LANDING
     left = max(1.0 - bending_share, 1.0e-9)
     return size * math.pow(bending_share, share) / left, power
 
@@ -233,7 +233,7 @@ class ResolvedModel:
             torsion=law.shear_modulus * polar,
             stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
             rolling=rolling,
-            late=int(bending_share > _STIFF),
+            late=int(bending_share > STIFF),
         )
         if drum is not None:
             low, high = drum.centre_lines(case.cable_diameter)
