@@ -32,7 +32,7 @@ _LOOK_PERIOD = 0.05
 
 
 class CableFemNode(ManagedNode[FemParameters]):
-    """Shadows the machine with the explicit rod, and predicts the whole run ahead.
+    """Shadows the machine with rod or solid, and predicts the whole run ahead with the rod.
 
     Subscribes to rig/joint_states, rig/tension and tracker/markers. Publishes fem/markers,
     fem/cable, fem/cable_line in step with the machine, fem/prediction at activation and again as
@@ -95,6 +95,7 @@ class CableFemNode(ManagedNode[FemParameters]):
         balance = handler.model.energy.balance_pct
         message = "following the machine" if handler.following else "waiting"
         values = {"time": f"{handler.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
+        values["element"] = self.configuration.element
         values |= WoundLabel.of(self.configuration.resolved()).values()
         refused = False
         if self._report is not None:

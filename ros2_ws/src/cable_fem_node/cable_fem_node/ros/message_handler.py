@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -9,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.ros.parameters import FemParameters
-from cable_fem_node.winding.prediction import PlannedRun
-from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead, replay
+from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.machine.incoming_readings import (
     LoadedReading,
     MotionStart,
@@ -34,10 +34,10 @@ _CABLE_TURNS = 12.0
 
 
 class FemHandler:
-    """Shadows the machine with the explicit rod.
+    """Shadows the machine with the chosen element.
 
     Making it winds the first piece of the run ahead, or the beginning of that; `begin` yields what
-    was found.
+    was found. It is the rod that is wound ahead, whatever the element.
 
     Args:
         wanted: What to wind.
@@ -45,9 +45,9 @@ class FemHandler:
         ahead_elsewhere: Whether its owner winds `ahead` to its end; otherwise `begin` does.
 
     Attributes:
-        config: The model that every run begins with.
+        config: The rod's model that every run begins with.
         ahead: The run as planned, wound ahead.
-        model: The rod of this run; None before `begin`.
+        model: The cable of this run; None before `begin`.
         history: The inputs of this run so far.
         following: Whether readings of the machine have arrived.
         replayed: How much of a run that was already going has been replayed [s]; None if the
@@ -65,7 +65,8 @@ class FemHandler:
         self._axes = wanted
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
-        drive = wanted.resolved().drive
+        run = wanted.in_step()
+        drive = run.drive
         self._limits = ReadingLimits(
             weight=self.config.case.weight,
             angular_speed=drive.angular_speed,
@@ -74,13 +75,12 @@ class FemHandler:
         self._before: tuple[float, AxisReading] | None = None
         self._go_on = go_on
         self._ahead_elsewhere = ahead_elsewhere
-        self.ahead = RunAhead.of(
-            PlannedRun(config=self.config, drive=drive, duration=wanted.duration)
-        )
+        self._unwound = run.model()
+        self.ahead = RunAhead.of(wanted.of_rod().in_step())
         self.ahead.wind_piece(self._going, FIRST_STEPS)
         self._replay = Path(wanted.replay) if wanted.replay else None
         self.replayed: float | None = None
-        self.model: RodWinding | None = None
+        self.model: WindingModel | None = None
         self.history = RunHistory()
         self._start: float | None = None
 
@@ -91,7 +91,7 @@ class FemHandler:
 
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run at a time [s]; yield its prediction as far as it is known."""
-        self.model = RodWinding(self.config)
+        self.model = copy.deepcopy(self._unwound)
         self.history = RunHistory()
         self._start = None
         self._pairing = self._new_pairing()
@@ -139,7 +139,7 @@ class FemHandler:
         """Return a prediction of the run's markers, made from what was known at a time [s]."""
         return Answer(topic=topics.FEM_PREDICTION, message=encode_cloud(t, markers))
 
-    def go_on_with(self, model: RodWinding) -> None:
+    def go_on_with(self, model: WindingModel) -> None:
         """Let another model of the same run take over; what it has missed is replayed.
 
         Args:
@@ -158,7 +158,7 @@ class FemHandler:
     def _new_pairing(self) -> TensionPairing:
         return TensionPairing(_period(topics.TENSION), listened=self._follow_tension)
 
-    def _follow(self, model: RodWinding, loaded: LoadedReading) -> Iterator[Answer]:
+    def _follow(self, model: WindingModel, loaded: LoadedReading) -> Iterator[Answer]:
         self._advance(model, loaded)
         t = loaded.t
         if t >= self._markers_due:
@@ -172,7 +172,7 @@ class FemHandler:
             width = self.config.case.cable_diameter
             yield Answer(topic=topics.FEM_CABLE_LINE, message=encode_line_strip(t, points, width))
 
-    def _advance(self, model: RodWinding, loaded: LoadedReading) -> None:
+    def _advance(self, model: WindingModel, loaded: LoadedReading) -> None:
         t, reading = loaded.t, loaded.reading
         if self._start is None:
             self._start = t
@@ -181,7 +181,7 @@ class FemHandler:
             self.history.record(t - self._start, reading, loaded.tension)
         model.advance_to(t - self._start, reading, loaded.tension)
 
-    def _pass_over(self, model: RodWinding, loaded: LoadedReading) -> None:
+    def _pass_over(self, model: WindingModel, loaded: LoadedReading) -> None:
         """Follow a reading of the past, of which nothing is published."""
         self._advance(model, loaded)
         while loaded.t >= self._markers_due:
@@ -189,7 +189,7 @@ class FemHandler:
         while loaded.t >= self._cable_due:
             self._cable_due += _due_period(topics.FEM_CABLE)
 
-    def _catch_up(self, model: RodWinding, inputs: RunInputs) -> None:
+    def _catch_up(self, model: WindingModel, inputs: RunInputs) -> None:
         """Wind what the machine has wound before this node was there; nothing is published."""
         for t, reading, tension in inputs:
             self._go_on()

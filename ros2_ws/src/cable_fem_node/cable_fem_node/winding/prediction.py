@@ -32,6 +32,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
+from winding_core.run_options import ELEMENTS
 
 Progress = Callable[[float], None]
 Look = Callable[[WindingModel], None]
@@ -201,7 +202,20 @@ class PlannedRun:
 
     def model(self) -> WindingModel:
         """Return the model at the start of the run, its machine code loaded or built."""
-        return MODELS[self.element](self)
+        model = _MODELS[self.element](self)
+        model.compile()
+        return model
+
+    def refuse_wrong(self, model: WindingModel) -> None:
+        """Refuse what a model has wound up to its time.
+
+        Raises:
+            EnergyBalanceError: The energy balance does not close within 1 %.
+            ImpossibleResultError: The cable did not lie down, or is tighter than the span.
+        """
+        refuse_open_balance(model.energy, model.time, self.checks())
+        arc, theta, _ = model.wound_path()
+        self.refuse_impossible(theta, model.cable()["tension"][1 : arc.size], model.time)
 
     def wind(
         self,
@@ -242,12 +256,9 @@ class PlannedRun:
             if progress is not None:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started
-        energy = model.energy
-        refuse_open_balance(energy, self.duration, self.checks())
+        self.refuse_wrong(model)
         arc, theta, z = model.wound_path()
         span = model.span_tension
-        cable = model.cable()
-        self.refuse_impossible(theta, cable["tension"][1 : arc.size])
         return Prediction(
             config=self.config,
             drive=self.drive,
@@ -256,8 +267,8 @@ class PlannedRun:
             arc=arc,
             theta=theta,
             z=z,
-            cable=cable,
-            energy=energy,
+            cable=model.cable(),
+            energy=model.energy,
             stretch=model.wound_stretch(),
             stretch_closed_form=self.config.resolved.wound_stretch(
                 span, lambda: [self.drive.time_at_angle(x) for x in np.linspace(0.0, theta[-1], 50)]
@@ -306,9 +317,7 @@ def predict(
 def _rod(run: PlannedRun) -> WindingModel:
     from cable_fem_node.winding.rod_winding import RodWinding  # noqa: PLC0415
 
-    model = RodWinding(run.config)
-    model.compile()
-    return model
+    return RodWinding(run.config)
 
 
 def _solid(run: PlannedRun) -> WindingModel:
@@ -317,8 +326,7 @@ def _solid(run: PlannedRun) -> WindingModel:
     return SolidWinding(run.config, float(run.most_wound))
 
 
-MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
-ELEMENTS = tuple(MODELS)
+_MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
 
 
 def _refuse_unless_positive(name: str, value: float) -> None:

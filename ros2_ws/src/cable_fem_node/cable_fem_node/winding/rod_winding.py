@@ -43,7 +43,6 @@ from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
 from cable_fem_node.winding.wound_surface import TURN, WoundSurface, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
-from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag, Markers
 
 # Time between two looks [s]. Oscillations of the span decay within it.
@@ -162,15 +161,6 @@ class RodWinding(WindingModel):
         """Number of nodes that are integrated; the others rest on the cylinder."""
         return self._nodes.live
 
-    def compile(self) -> None:
-        """Load or build the machine code of the kernels, so that the first advance is not late."""
-        model = RodWinding(self.config)
-        still = AxisReading(
-            cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
-        )
-        model.advance_to(model.step_limit, still)
-        _ = model.energy
-
     def markers(self) -> Markers:
         """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
         resting = self._nodes.resting
@@ -193,13 +183,7 @@ class RodWinding(WindingModel):
         return self._records(0)
 
     def newest_cable(self, turns: float) -> NDArray[np.void]:
-        """Return the cable's end: its last turns on the cylinder, all that moves, the span.
-
-        What it leaves out lies still on the cylinder. The cost does not grow with that.
-
-        Args:
-            turns: Count of turns, from where the cable lands.
-        """
+        """Return the cable's end, see `WindingModel`; what is left out costs nothing."""
         resting = self._nodes.resting
         _, theta, _ = self._nodes.path()
         oldest = float(theta[self._laid_nodes() - 1]) - math.tau * turns

@@ -14,8 +14,11 @@ from winding_core.cable.material_law import LawParameters, MaterialLaw
 from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drum import Drum
 from winding_core.machine.tension import DeadWeight, TensionLaw
-from winding_core.parameters import parameter
-from winding_core.units import LENGTH, PLAIN
+from winding_core.run_options import SolverOptions
+
+# Factors on the density where none is given. The solid's steps are so short that its true mass
+# takes hours; its factor was raised until the laid path began to move.
+MASS_SCALING = {"rod": 1.0, "solid": 400.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,34 +118,16 @@ class WindingConfig(LawParameters):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolverParameters:
-    """How the solver winds a condition: mesh, mass scaling and rolling as parameters."""
+class SolverParameters(SolverOptions):
+    """The solver's options, and the model that they make of a condition."""
 
-    segment_length: float = parameter(
-        0.0,
-        "undeformed length of an element",
-        LENGTH,
-        0.0001,
-        0.05,
-        otherwise="what suits cable and cylinder, 5 mm at most",
-        option="segment",
-    )
-    mass_scaling: float = parameter(
-        0.0,
-        "factor on the cable's density",
-        PLAIN,
-        1.0,
-        1.0e4,
-        otherwise="1 with the rod and 400 with the solid",
-    )
-    rolling: bool = parameter(False, "whether the rod may roll on the cylinder", unit=PLAIN)
+    @property
+    def scaling(self) -> float:
+        """Factor on the density."""
+        return self.mass_scaling or MASS_SCALING[self.element]
 
-    def config_of(self, what: ResolvedCondition, *, mass_scaling: float = 1.0) -> WindingConfig:
+    def config_of(self, what: ResolvedCondition) -> WindingConfig:
         """Return the model of a condition.
-
-        Args:
-            what: What is wound.
-            mass_scaling: Factor on the density where the parameters leave it open.
 
         Raises:
             ValueError: The condition cannot be wound with this mesh, or the material cannot
@@ -154,7 +139,7 @@ class SolverParameters:
             tension_law=what.tension_law,
             free_length=what.free_length,
             segment_length=self.segment_length or None,
-            mass_scaling=self.mass_scaling or mass_scaling,
+            mass_scaling=self.scaling,
             rolling=self.rolling,
             **what.law_values(),
         )
