@@ -43,7 +43,7 @@ from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
 from cable_fem_node.winding.wound_surface import TURN, WoundSurface, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
-from winding_core.markers import MarkerFlag, Markers
+from winding_core.markers import Markers
 
 # Time between two looks [s]. Oscillations of the span decay within it.
 LOOK_PERIOD = 0.1
@@ -172,10 +172,7 @@ class RodWinding(WindingModel):
         first = resting.count - 1
         wound_to = float(s[self._laid_nodes() - 1])
         records = self._marker_records(s, theta, z, wound_to)
-        loose = (records["flags"] & int(MarkerFlag.NOT_WOUND)) > 0
-        arc = records["id"][loose] * case.marker_spacing
-        for name, values in zip("xyz", self._nodes.position, strict=True):
-            records[name][loose] = np.interp(arc, s[first:], values)
+        self._place_loose(records, s[first:], self._nodes.position)
         return records
 
     def cable(self) -> NDArray[np.void]:

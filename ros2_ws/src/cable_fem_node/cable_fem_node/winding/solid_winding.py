@@ -154,7 +154,9 @@ class SolidWinding(WindingModel):
     def markers(self) -> Markers:
         """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
         arc, theta, z = self.wound_path()
-        return self._marker_records(arc, theta, z, float(arc[-1]))
+        records = self._marker_records(arc, theta, z, float(arc[-1]))
+        self._place_loose(records, self._bar.axial, self._middle().T)
+        return records
 
     def cable(self) -> NDArray[np.void]:
         """Return the sections' centres as records x y z s tension strain, from P0 on.

@@ -100,10 +100,11 @@ class WindingConfig(LawParameters):
         return replace(self, case=replace(self.case, material=material), **law.law_values())
 
     def refuse_rod_material(self) -> None:
-        """Refuse what a solid element does not have: stiffness factors, a Prony series, a drum.
+        """Refuse what a solid element does not have.
 
         Raises:
-            ValueError: A factor is not 1, or there is a series or a drum.
+            ValueError: A stiffness factor is not 1, the law has no stored energy, or there is a
+                Prony series or a drum.
         """
         material = self.case.material
         for name in ("axial_factor", "bending_factor"):
@@ -113,6 +114,8 @@ class WindingConfig(LawParameters):
                     f"the solid element has no separate stiffnesses: {name} must be 1, got {value}"
                 )
         material.refuse_fading("the solid element")
+        if self.law == "hencky_cauchy":
+            raise ValueError("the solid element needs a law with stored energy: take law hencky")
         if self.drum is not None:
             raise ValueError("the solid element lies on a bare cylinder: leave out the drum")
 

@@ -184,6 +184,13 @@ class WindingModel(ABC):
     def _contact_line(self) -> float:
         return self.config.resolved.constants.contact_line
 
+    def _place_loose(self, records: Markers, arc: FloatArray, nodes: FloatArray) -> None:
+        """Place the markers that are not on the cylinder on nodes (3, n) [m] at arc (n,) [m]."""
+        loose = (records["flags"] & int(MarkerFlag.NOT_WOUND)) > 0
+        place = records["id"][loose] * self.config.case.marker_spacing
+        for name, values in zip("xyz", nodes, strict=True):
+            records[name][loose] = np.interp(place, arc, values)
+
     def _marker_records(
         self, arc: FloatArray, theta: FloatArray, z: FloatArray, wound_to: float
     ) -> Markers:

@@ -17,6 +17,7 @@ from winding_reports.documents.picture import (
     PAPER_CORRECTED,
     PREDICTED,
     PUBLISHED,
+    ROD,
     TRACKED,
     Picture,
     broken,
@@ -26,6 +27,7 @@ from winding_reports.documents.picture import (
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord
 
 _TURN = 2.0 * math.pi
+_ROD_AHEAD = "rod, ahead of the run"
 
 
 def marker_picture(record: RunRecord) -> Picture:
@@ -80,7 +82,7 @@ def lay_picture(record: RunRecord) -> Picture:
         reach = max(
             [
                 _last(record, name, m)[0]
-                for name in ("predicted", "tracked")
+                for name in ("predicted", "tracked", "rod")
                 for m in record.marker_ids
             ],
             default=0.0,
@@ -101,14 +103,19 @@ def lay_picture(record: RunRecord) -> Picture:
                 label="kinematic reference",
                 zorder=1,
             )
-        for name, colour, size in (("tracked", TRACKED, 90), ("predicted", PREDICTED, 36)):
+        for name, colour, size in (
+            ("tracked", TRACKED, 90),
+            ("predicted", PREDICTED, 36),
+            ("rod", ROD, 12),
+        ):
             points = [_last(record, name, marker) for marker in record.marker_ids]
             known = [
                 (angle / _TURN, height / MILLIMETRE) for angle, height in points if angle > 0.0
             ]
             if known:
                 turns, heights = zip(*known, strict=True)
-                axes.scatter(turns, heights, s=size, color=colour, label=name, zorder=2)
+                label = _ROD_AHEAD if name == "rod" else name
+                axes.scatter(turns, heights, s=size, color=colour, label=label, zorder=2)
         measured = [row.experiment for row in published if row.experiment]
         if measured:
             axes.scatter(
@@ -174,6 +181,7 @@ def lengths_picture(record: RunRecord) -> Picture:
             ("predicted", PREDICTED, "o"),
             ("corrected", CORRECTED, "s"),
             ("tracked", TRACKED, "^"),
+            *(((_ROD_AHEAD, ROD, "v"),) if record.element != "rod" else ()),
             *(
                 (("published", PUBLISHED, "D"), ("paper's simulation", PAPER, "X"))
                 if published
@@ -199,6 +207,7 @@ def _stretches(axes: Axes, row: MarkerRow, paper: PublishedMarker | None) -> Non
         (row.s_fem, PREDICTED, "o", -0.24),
         (row.s_corrected, CORRECTED, "s", -0.12),
         (row.s_tracked, TRACKED, "^", 0.0),
+        (row.s_rod, ROD, "v", -0.36),
         (row.s_published, PUBLISHED, "D", 0.12),
         (paper.simulation.s if paper else None, PAPER, "X", 0.24),
     )
