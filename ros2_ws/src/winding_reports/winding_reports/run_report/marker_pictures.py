@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from winding_core.cable.cases import PublishedMarker
+from winding_core.error_verdict import error_pct
 from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.units import MILLIMETRE
 from winding_reports.documents.picture import (
@@ -178,10 +179,10 @@ def lengths_picture(record: RunRecord) -> Picture:
         left.axhline(0.0, color=FAINT, linewidth=0.8)
         _name_markers(left, record)
         for label, colour, shape in (
+            *(((_ROD_AHEAD, ROD, "v"),) if record.element != "rod" else ()),
             ("predicted", PREDICTED, "o"),
             ("corrected", CORRECTED, "s"),
             ("tracked", TRACKED, "^"),
-            *(((_ROD_AHEAD, ROD, "v"),) if record.element != "rod" else ()),
             *(
                 (("published", PUBLISHED, "D"), ("paper's simulation", PAPER, "X"))
                 if published
@@ -223,6 +224,11 @@ def _stretches(axes: Axes, row: MarkerRow, paper: PublishedMarker | None) -> Non
 def _error_bars(axes: Axes, record: RunRecord, published: dict[int, PublishedMarker]) -> None:
     rows = record.rows
     bars: tuple[tuple[str, str, str, list[float | None]], ...] = (
+        *(
+            ((_ROD_AHEAD, ROD, "", [error_pct(row.s_published, row.s_rod) for row in rows]),)
+            if record.element != "rod"
+            else ()
+        ),
         ("predicted", PREDICTED, "", [row.error_fem_pct for row in rows]),
         ("corrected", CORRECTED, "////", [row.error_corrected_pct for row in rows]),
         ("paper", PAPER, "....", [_paper_error(published.get(row.id), 7) for row in rows]),
