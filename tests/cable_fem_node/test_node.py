@@ -17,6 +17,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.solid_winding import SolidWinding
 from winding_core.cable.material_report import MaterialReport
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.parameters import ParameterError
 from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud
@@ -107,13 +108,11 @@ def test_solid_is_followed_and_said_to_be_beside_the_rod_s_prediction(ros: Any) 
     np.testing.assert_array_equal(ahead["s"], predict(CONFIG, duration=1.0).markers["s"])
 
 
-@pytest.mark.parametrize(
-    "wanted", [{"element": "shell"}, {"element": "solid", "take_up_material": True}]
-)
-def test_element_that_is_unknown_or_cannot_do_what_is_wanted_is_refused(
-    ros: Any, wanted: dict[str, object]
-) -> None:
-    assert solver_node(ros, **wanted).trigger_configure() is FAILURE
+def test_element_that_is_unknown_or_cannot_do_what_is_wanted_is_refused(ros: Any) -> None:
+    with pytest.raises(ParameterError, match="element must be one of rod, solid, got 'shell'"):
+        solver_node(ros, element="shell")
+    node = solver_node(ros, element="solid", take_up_material=True)
+    assert node.trigger_configure() is FAILURE
 
 
 def test_load_beyond_the_material_s_limit_is_refused_at_configuration(ros: Any) -> None:
