@@ -108,6 +108,19 @@ def test_solid_is_followed_and_said_to_be_beside_the_rod_s_prediction(ros: Any) 
     np.testing.assert_array_equal(ahead["s"], predict(CONFIG, duration=1.0).markers["s"])
 
 
+@pytest.mark.slow
+def test_solid_of_elements_that_do_not_lie_down_is_named(ros: Any) -> None:
+    wanted = {"case": 5, "duration": 20.0, "segment_length": 0.05, "mass_scaling": 2000.0}
+    bench = SolverBench(ros, element="solid", follow_tension=False, **wanted)
+    bench.wind(2.0, period=0.02)
+    assert bench.node.status().level is Level.OK
+    bench.wind(6.0, period=0.02)
+    status = bench.node.status()
+    # The sentence with which a prediction of the same run is refused.
+    assert "it does not follow the cylinder; take shorter elements" in status.message
+    assert status.level is Level.WARN
+
+
 def test_element_that_is_unknown_or_cannot_do_what_is_wanted_is_refused(ros: Any) -> None:
     with pytest.raises(ParameterError, match="element must be one of rod, solid, got 'shell'"):
         solver_node(ros, element="shell")

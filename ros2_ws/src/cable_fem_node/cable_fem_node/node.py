@@ -18,6 +18,7 @@ from cable_fem_node.identification.live_material import (
 from cable_fem_node.ros.background import BackgroundTask, PredictionTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
+from cable_fem_node.winding.prediction import left_behind
 from winding_core.cable.material_report import MaterialReport, refused_material
 from winding_core.cable.wound_label import WoundLabel
 from winding_core.markers import MARKER_DTYPE
@@ -96,6 +97,9 @@ class CableFemNode(ManagedNode[FemParameters]):
         message = "following the machine" if handler.following else "waiting"
         values = {"time": f"{handler.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
         values["element"] = self.configuration.element
+        laid = float(handler.model.wound_path()[1][-1])
+        behind = left_behind(handler.model.cylinder_angle, laid)
+        message = f"{message}; {behind}" if behind else message
         values |= WoundLabel.of(self.configuration.resolved()).values()
         refused = False
         if self._report is not None:
@@ -110,7 +114,7 @@ class CableFemNode(ManagedNode[FemParameters]):
                 refused, message = True, f"{message}; prediction: {self._ahead.failure}"
         return Status(
             name=topics.FEM,
-            level=Level.WARN if refused or balance > 1.0 else Level.OK,
+            level=Level.WARN if refused or behind or balance > 1.0 else Level.OK,
             message=message,
             values=values,
         )

@@ -178,12 +178,9 @@ class PlannedRun:
             ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
         """
         angles = self._angles(t)
-        turned, laid = float(angles[-1]), float(theta[-1])
-        if turned > FULL_TURN and laid < 0.5 * turned:
-            raise ImpossibleResultError(
-                f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
-                "it: it does not follow the cylinder; take shorter elements or more tension"
-            )
+        behind = left_behind(float(angles[-1]), float(theta[-1]))
+        if behind:
+            raise ImpossibleResultError(behind)
         law, case = self.config.tension_law, self.config.case
         arc = self.config.resolved.wound_radius * np.linspace(0.0, angles.max(), 200)
         highest = max(law(case.weight, case.cylinder_diameter, float(s)) for s in arc)
@@ -332,6 +329,21 @@ _MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid"
 def _refuse_unless_positive(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} must be positive and finite, got {value}")
+
+
+def left_behind(turned: float, laid: float) -> str:
+    """Return why cable does not follow a cylinder; empty where it does.
+
+    Args:
+        turned: Angle by which the cylinder has turned [rad].
+        laid: Angle of it on which the cable lies [rad].
+    """
+    if turned <= FULL_TURN or laid >= 0.5 * turned:
+        return ""
+    return (
+        f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of it: it "
+        "does not follow the cylinder; take shorter elements or more tension"
+    )
 
 
 def refuse_open_balance(energy: EnergyLedger, t: float, checks: tuple[Check, ...] = ()) -> None:
