@@ -191,7 +191,7 @@ def lengths_picture(record: RunRecord) -> Picture:
         ):
             left.scatter([], [], color=colour, marker=shape, label=label)
         left.margins(y=0.15)
-        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=6)
         caption = "as Tables 5 and 6, relative to the undeformed cable; the bars span the interval."
         for axes in right:
             _error_bars(axes, record, published)
@@ -265,7 +265,8 @@ def _error_bars(axes: Axes, record: RunRecord, published: dict[int, PublishedMar
                 )
     axes.set_title("error against the experiment, %")
     axes.legend(loc="upper right", ncols=2)
-    axes.margins(y=0.3)
+    # Two names stand in a row of the legend.
+    axes.margins(y=0.15 * math.ceil(len(bars) / 2))
 
 
 def _paper_error(row: PublishedMarker | None, table: int) -> float | None:
