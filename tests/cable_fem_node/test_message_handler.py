@@ -15,6 +15,7 @@ from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.run_ahead import PIECE
+from cable_fem_node.winding.solid_winding import SolidWinding
 from winding_core.machine.incoming_readings import LEAD_IN, has_moved
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
@@ -26,6 +27,8 @@ from winding_ros.messages.stamps import decode_stamp, encode_stamp
 LONG = PIECE + 4.0
 DURATION = 0.6
 CUT = 400
+# Coarse and heavy, so that the tests are quick: both sides of a comparison wind the same solid.
+SOLID: dict[str, Any] = {"element": "solid", "segment_length": 0.02, "mass_scaling": 2000.0}
 
 
 def predicted(answers: Any) -> list[tuple[float, Markers]]:
@@ -80,6 +83,45 @@ def test_node_publishes_the_rest_of_a_prediction_by_itself(ros: Any) -> None:
     bench.begin_anew()
     # A new run, the same plan: nothing is wound again.
     bench.wait_for(topics.FEM_PREDICTION, 4)
+
+
+@pytest.mark.slow
+def test_solid_follows_as_it_does_alone_beside_the_rod_s_prediction() -> None:
+    wanted = FemParameters(case=4, duration=DURATION, follow_tension=False, **SOLID)
+    handler = FemHandler(wanted, ahead_elsewhere=True)
+    ((_, ahead),) = predicted(handler.begin(0.0))
+    np.testing.assert_array_equal(ahead["s"], predict(CONFIG, duration=DURATION).markers["s"])
+    rows = message_pairs()
+    stamp, live = fed(handler, rows)[-1]
+    run = wanted.in_step()
+    alone = SolidWinding(run.config, run.most_wound)
+    for t, reading, _ in rows:
+        if t <= stamp:
+            alone.advance_to(t - rows[0][0], reading)
+    # Stamps are whole nanoseconds, of which both take differences.
+    np.testing.assert_allclose(live["theta"], alone.markers()["theta"], rtol=1e-9)
+    assert handler.model is not None
+    whole, cable = handler.model.cable(), handler.model.newest_cable(12.0)
+    # It ends with the last section before the guide; behind hangs the cable of the rest of the run.
+    assert cable["y"].min() >= -CONFIG.free_length > whole["y"][cable.size]
+    list(handler.begin(0.0))
+    assert handler.model.time == 0.0
+
+
+@pytest.mark.parametrize(
+    ("wanted", "sentence"),
+    [
+        ({"prony": "0.2:1.5"}, "knows elastic cables alone"),
+        ({"bending_factor": 2.0}, "bending_factor must be 1, got 2"),
+        ({"law": "hencky_cauchy"}, "take law hencky"),
+        ({"take_up_material": True}, "take element rod instead of solid"),
+    ],
+)
+def test_what_the_solid_cannot_do_is_refused_at_configuration(
+    wanted: dict[str, Any], sentence: str
+) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        FemHandler(FemParameters(case=4, element="solid", **wanted))
 
 
 def test_standstill_that_was_held_back_is_wound_and_not_published() -> None:

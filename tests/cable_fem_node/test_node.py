@@ -12,9 +12,12 @@ import pytest
 from rods import CASE, CONFIG, follow
 from solver_bench import FAILURE, SolverBench, heard_by, solver_node
 
+from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.solid_winding import SolidWinding
 from winding_core.cable.material_report import MaterialReport
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.parameters import ParameterError
 from winding_core.status import Level
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud
@@ -87,6 +90,42 @@ def test_prediction_is_latched_for_late_subscribers(followed: SolverBench, ros: 
     ros.spin_until(lambda: len(late) == 1)
     _, markers = decode_cloud(late[0], MARKER_DTYPE)
     assert is_wound(markers).tolist() == [True, False, False, False, False]
+
+
+@pytest.mark.slow
+def test_solid_is_followed_and_said_to_be_beside_the_rod_s_prediction(ros: Any) -> None:
+    wanted = {"duration": 1.0, "segment_length": 0.02, "mass_scaling": 2000.0}
+    bench = SolverBench(ros, element="solid", follow_tension=False, **wanted)
+    bench.wind(DURATION, period=0.02)
+    bench.wait_for(topics.FEM_MARKERS, 26)
+    _, live = bench.markers(topics.FEM_MARKERS)[-1]
+    run = bench.node.configuration.in_step()
+    alone = follow(SolidWinding(run.config, run.most_wound), DURATION)
+    # The order of sums differs between stamps and times from zero, and nothing else.
+    np.testing.assert_allclose(live["theta"], alone.markers()["theta"], rtol=1e-9)
+    assert bench.node.status().values["element"] == "solid"
+    (_, ahead), *_ = bench.markers(topics.FEM_PREDICTION)
+    np.testing.assert_array_equal(ahead["s"], predict(CONFIG, duration=1.0).markers["s"])
+
+
+@pytest.mark.slow
+def test_solid_of_elements_that_do_not_lie_down_is_named(ros: Any) -> None:
+    wanted = {"case": 5, "duration": 20.0, "segment_length": 0.05, "mass_scaling": 2000.0}
+    bench = SolverBench(ros, element="solid", follow_tension=False, **wanted)
+    bench.wind(2.0, period=0.02)
+    assert bench.node.status().level is Level.OK
+    bench.wind(6.0, period=0.02)
+    status = bench.node.status()
+    # The sentence with which a prediction of the same run is refused.
+    assert "it does not follow the cylinder; take shorter elements" in status.message
+    assert status.level is Level.WARN
+
+
+def test_element_that_is_unknown_or_cannot_do_what_is_wanted_is_refused(ros: Any) -> None:
+    with pytest.raises(ParameterError, match="element must be one of rod, solid, got 'shell'"):
+        solver_node(ros, element="shell")
+    node = solver_node(ros, element="solid", take_up_material=True)
+    assert node.trigger_configure() is FAILURE
 
 
 def test_load_beyond_the_material_s_limit_is_refused_at_configuration(ros: Any) -> None:

@@ -47,6 +47,31 @@ REFUSED: list[tuple[list[object], str]] = [
         ["--case", 4, "--lay", "driven", "--compose", "camera"],
         "--lay driven is shown by the rig's own camera alone",
     ),
+    (["--case", 4, "--element", "shell"], "--element must be one of rod, solid, got 'shell'"),
+    (
+        ["--case", 4, "--element", "solid", "--prony", "0.2:1.5"],
+        "the solid element knows elastic cables alone: leave out prony",
+    ),
+    (
+        ["--case", 4, "--element", "solid", "--axial-factor", 0.9],
+        "the solid element has no separate stiffnesses: axial_factor must be 1, got 0.9",
+    ),
+    (
+        ["--case", 4, "--element", "solid", "--law", "hencky_cauchy"],
+        "the solid element needs a law with stored energy: take law hencky",
+    ),
+    (
+        ["--case", 4, "--element", "solid", "--feed-mm-s", 1],
+        "the guide advances 3.61 mm per turn, less than the cable's 3.77 mm",
+    ),
+    (
+        ["--case", 4, "--element", "solid", "--machine", "external", "--turns", 2],
+        "an external machine cannot wait for element solid",
+    ),
+    (
+        ["--case", 4, "--element", "solid", "--parameters", "taking_up.yaml"],
+        "take_up_material goes on with a rod of the identified modulus: leave it out",
+    ),
     (["--case", 4, "--lay", "silk"], "lay must be one of paper, fem, driven, got 'silk'"),
     (["--case", 4, "--weights", "nowhere"], "no trained weights at nowhere"),
     (["--case", 4, "--weights", "damaged"], "damaged/weights.safetensors does not match its card"),
@@ -68,6 +93,7 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "unknown.yaml": "/**/cable_fem:\n  ros__parameters:\n    frictoin: 0.2\n",
         "range.yaml": "/winding/winding_rig:\n  ros__parameters:\n    speed: -1e3\n",
         "broken.yaml": "a: [1, x",
+        "taking_up.yaml": "/**/cable_fem:\n  ros__parameters:\n    take_up_material: true\n",
         "a_file": "",
     }
     for name, text in texts.items():

@@ -26,9 +26,9 @@ from winding_cli.commands.track import track
 from winding_core.cable.condition import Condition
 from winding_core.markers import MarkerLook
 from winding_core.parameters import declarations, option_kinds, options
-from winding_core.run_options import CameraClockParameters
+from winding_core.run_options import CameraClockParameters, SolverOptions
 from winding_dashboard.page.condition_form import FIELDS, LAWS
-from winding_ros.graph import GRAPH, RIG, TRACKER, parameters_of
+from winding_ros.graph import FEM, GRAPH, RIG, TRACKER, parameters_of
 from winding_study.run_parameters import RunParameters
 
 NAMES = {item.name for item in dataclasses.fields(Condition)}
@@ -36,6 +36,7 @@ KEYS = set(options(Condition))
 # Record -> nodes that have its parameters, commands that have its options.
 TAKEN = {
     Condition: (GRAPH, (predict, plan, run, track, identify)),
+    SolverOptions: ((FEM,), (predict, plan, run)),
     MarkerLook: ((RIG, TRACKER), (run, track, render)),
     CameraClockParameters: ((TRACKER,), (run, track)),
 }

@@ -106,6 +106,23 @@ def test_the_table_has_every_marker_and_every_number(synthetic, page_text: str) 
 
 
 @pytest.mark.slow
+def test_solid_stands_beside_the_rod_s_run_ahead(synthetic) -> None:
+    record = synthetic()
+    rows = tuple(replace(row, s_rod=0.99 * row.s_fem) for row in record.rows)
+    solid = replace(record, element="solid", rod=record.predicted, rows=rows)
+    page = ReportPage(render_report(solid))
+    shown = [row for row in page.cells if row and row[0].startswith("P")]
+    for text, row in zip(shown, rows, strict=True):
+        numbers = [float(value) for value in text[2:4]]
+        # Printed to 0.01.
+        assert numbers == pytest.approx([1e3 * row.s_fem, 1e3 * row.s_rod], abs=0.0051)
+    page.require_whole()
+    written = run_json(solid)["markers"]
+    assert [marker["s_rod_m"] for marker in written] == [row.s_rod for row in rows]
+    assert not any("s_rod_m" in marker for marker in run_json(record)["markers"])
+
+
+@pytest.mark.slow
 def test_the_same_run_gives_the_same_bytes(synthetic, page_text: str) -> None:
     assert render_report(synthetic()) == page_text
 

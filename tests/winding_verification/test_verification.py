@@ -98,7 +98,7 @@ ROD: dict[str, tuple[str, Change]] = {
 }
 SOLID: dict[str, tuple[str, Change]] = {
     "friction": ("V12", field("touch", "friction")),
-    "contact stiffness": ("V12", field("touch", "normal_stiffness")),
+    "contact stiffness": ("V12", field("nodal", "normal_stiffness")),
     "stiffness": ("V11", field("mesh", "constants")),
     "hourglass stiffness": ("V12", field("mesh", "hourglass")),
     "damping rate": ("V11", field("m", "damping_rate")),

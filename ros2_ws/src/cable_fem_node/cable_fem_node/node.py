@@ -18,6 +18,7 @@ from cable_fem_node.identification.live_material import (
 from cable_fem_node.ros.background import BackgroundTask, PredictionTask
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
+from cable_fem_node.winding.prediction import left_behind
 from winding_core.cable.material_report import MaterialReport, refused_material
 from winding_core.cable.wound_label import WoundLabel
 from winding_core.markers import MARKER_DTYPE
@@ -32,7 +33,7 @@ _LOOK_PERIOD = 0.05
 
 
 class CableFemNode(ManagedNode[FemParameters]):
-    """Shadows the machine with the explicit rod, and predicts the whole run ahead.
+    """Shadows the machine with rod or solid, and predicts the whole run ahead with the rod.
 
     Subscribes to rig/joint_states, rig/tension and tracker/markers. Publishes fem/markers,
     fem/cable, fem/cable_line in step with the machine, fem/prediction at activation and again as
@@ -97,6 +98,10 @@ class CableFemNode(ManagedNode[FemParameters]):
         balance = handler.model.energy.balance_pct
         message = "following the machine" if handler.following else "waiting"
         values = {"time": f"{handler.model.time:.3f}", "energy_balance_pct": f"{balance:.3f}"}
+        values["element"] = self.configuration.element
+        laid = float(handler.model.wound_path()[1][-1])
+        behind = left_behind(handler.model.cylinder_angle, laid)
+        message = f"{message}; {behind}" if behind else message
         values |= WoundLabel.of(self.configuration.resolved()).values()
         if handler.slowness:
             values["slowness"] = handler.slowness
@@ -113,7 +118,7 @@ class CableFemNode(ManagedNode[FemParameters]):
                 refused, message = True, f"{message}; prediction: {self._ahead.failure}"
         return Status(
             name=topics.FEM,
-            level=Level.WARN if refused or balance > 1.0 else Level.OK,
+            level=Level.WARN if refused or behind or balance > 1.0 else Level.OK,
             message=message,
             values=values,
         )

@@ -31,7 +31,37 @@ LAY_MEANING = (
     "where the simulated cable lies: paper, as published; fem, a cable with hidden properties; "
     "driven, what the machine's own motion and pull lay, whatever is commanded"
 )
+# Elements that a cable is made of.
+ELEMENTS = ("rod", "solid")
 _NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
+
+
+@dataclass(frozen=True, kw_only=True)
+class SolverOptions:
+    """How the solver winds: element, mesh, mass scaling and rolling."""
+
+    element: str = parameter(
+        "rod", "element that the cable is made of; solid is the paper's C3D8R", PLAIN,
+        choices=ELEMENTS,
+    )  # fmt: skip
+    segment_length: float = parameter(
+        0.0,
+        "undeformed length of an element",
+        LENGTH,
+        0.0001,
+        0.05,
+        otherwise="what suits cable and cylinder, 5 mm at most",
+        option="segment",
+    )
+    mass_scaling: float = parameter(
+        0.0,
+        "factor on the cable's density",
+        PLAIN,
+        1.0,
+        1.0e4,
+        otherwise="1 with the rod and 400 with the solid",
+    )
+    rolling: bool = parameter(False, "whether the cable may roll on the cylinder", PLAIN)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,30 +240,6 @@ class OperatorLimits(ErrorLimit, LayTolerance):
     def values(self) -> dict[str, str]:
         """Return the limits as values of a status, to the last digit."""
         return {name: repr(value) for name, value in vars(self).items()}
-
-
-@dataclass(frozen=True, kw_only=True)
-class RunSolver:
-    """How the solver winds: mesh, mass scaling and rolling."""
-
-    segment_length: float = parameter(
-        0.0,
-        "undeformed length of an element",
-        LENGTH,
-        0.0001,
-        0.05,
-        otherwise="what suits cable and cylinder, 5 mm at most",
-        option="segment",
-    )
-    mass_scaling: float = parameter(
-        0.0,
-        "factor on the cable's density",
-        PLAIN,
-        1.0,
-        1.0e4,
-        otherwise="1 with the rod and 400 with the solid",
-    )
-    rolling: bool = parameter(False, "whether the rod may roll on the cylinder", unit=PLAIN)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ from winding_core.parameters import (
 SECTIONS: Mapping[str, type] = MappingProxyType(
     {
         "condition": Condition,
-        "solver": declared.RunSolver,
+        "solver": declared.SolverOptions,
         "machine": declared.RunMachine,
         "camera": declared.RunCamera,
         "tracking": declared.RunTracking,
@@ -122,7 +122,7 @@ class RunSpec:
     """One run as it was asked for."""
 
     condition: Condition  # What is wound
-    solver: declared.RunSolver  # How it is computed
+    solver: declared.SolverOptions  # How the solver winds it
     machine: declared.RunMachine  # Who winds it
     camera: declared.RunCamera  # What looks on
     tracking: declared.RunTracking  # What it looks for

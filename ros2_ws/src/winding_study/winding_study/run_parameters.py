@@ -6,22 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from cable_fem_node.winding.prediction import ELEMENTS, PlannedRun
+from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import SolverParameters
 from winding_core.cable.condition import Condition
 from winding_core.machine.drive import DriveProfile, TurningDrive
 from winding_core.parameters import parameter
-from winding_core.units import LENGTH, PLAIN, TIME
-
-# The factor on the density: a solid's steps are so short that its true mass takes hours.
-_MASS_SCALING = {"rod": 1.0, "solid": 400.0}
+from winding_core.units import LENGTH, TIME
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunParameters(SolverParameters, Condition):
-    """A condition, the solver's mesh and its element, and how a plan turns back."""
+    """A condition, the solver's options, and how a plan turns back."""
 
-    element: str = parameter("rod", "element", choices=ELEMENTS, unit=PLAIN)
     guide_turns_at: float = parameter(
         0.0,
         "carriage position at which the guide turns back",
@@ -47,7 +43,7 @@ class RunParameters(SolverParameters, Condition):
         """
         what = self.resolved()
         return PlannedRun(
-            config=self.config_of(what, mass_scaling=_MASS_SCALING[self.element]),
+            config=self.config_of(what),
             drive=self._turning(what.drive),
             duration=what.duration,
             element=self.element,
@@ -66,5 +62,4 @@ class RunParameters(SolverParameters, Condition):
 
     def as_typed(self, typed: Mapping[str, object]) -> dict[str, Any]:
         """Return every option with nothing left open; what was typed stays as it was typed."""
-        scaling = self.mass_scaling or _MASS_SCALING[self.element]
-        return {**super().as_typed({}), "mass_scaling": scaling, **typed}
+        return {**super().as_typed({}), "mass_scaling": self.scaling, **typed}

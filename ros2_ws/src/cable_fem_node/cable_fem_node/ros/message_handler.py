@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,8 +12,8 @@ from numpy.typing import NDArray
 
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.expected_cost import falling_behind
-from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import FIRST_STEPS, RunAhead, replay
+from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.machine.incoming_readings import (
     LoadedReading,
     MotionStart,
@@ -35,10 +36,10 @@ _CABLE_TURNS = 12.0
 
 
 class FemHandler:
-    """Shadows the machine with the explicit rod.
+    """Shadows the machine with the chosen element.
 
     Making it winds the first piece of the run ahead, or the beginning of that; `begin` yields what
-    was found.
+    was found. It is the rod that is wound ahead, whatever the element.
 
     Args:
         wanted: What to wind.
@@ -46,10 +47,10 @@ class FemHandler:
         ahead_elsewhere: Whether its owner winds `ahead` to its end; otherwise `begin` does.
 
     Attributes:
-        config: The model that every run begins with.
+        config: The rod's model that every run begins with.
         slowness: Why the solver may fall behind the machine; empty where it keeps up.
         ahead: The run as planned, wound ahead.
-        model: The rod of this run; None before `begin`.
+        model: The cable of this run; None before `begin`.
         history: The inputs of this run so far.
         following: Whether readings of the machine have arrived.
         replayed: How much of a run that was already going has been replayed [s]; None if the
@@ -63,12 +64,12 @@ class FemHandler:
         *,
         ahead_elsewhere: bool = False,
     ) -> None:
-        planned = wanted.planned()
-        self.config = planned.config
+        self.config = wanted.winding_config()
         self._axes = wanted
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
-        drive = planned.drive
+        run = wanted.in_step()
+        drive = run.drive
         self._limits = ReadingLimits(
             weight=self.config.case.weight,
             angular_speed=drive.angular_speed,
@@ -77,12 +78,13 @@ class FemHandler:
         self._before: tuple[float, AxisReading] | None = None
         self._go_on = go_on
         self._ahead_elsewhere = ahead_elsewhere
-        self.slowness = falling_behind(planned, time.thread_time)
-        self.ahead = RunAhead.of(planned)
+        self.slowness = falling_behind(run, time.thread_time) if wanted.element == "rod" else ""
+        self._unwound = run.model()
+        self.ahead = RunAhead.of(wanted.of_rod().in_step())
         self.ahead.wind_piece(self._going, FIRST_STEPS)
         self._replay = Path(wanted.replay) if wanted.replay else None
         self.replayed: float | None = None
-        self.model: RodWinding | None = None
+        self.model: WindingModel | None = None
         self.history = RunHistory()
         self._start: float | None = None
 
@@ -93,7 +95,7 @@ class FemHandler:
 
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run at a time [s]; yield its prediction as far as it is known."""
-        self.model = RodWinding(self.config)
+        self.model = copy.deepcopy(self._unwound)
         self.history = RunHistory()
         self._start = None
         self._pairing = self._new_pairing()
@@ -141,7 +143,7 @@ class FemHandler:
         """Return a prediction of the run's markers, made from what was known at a time [s]."""
         return Answer(topic=topics.FEM_PREDICTION, message=encode_cloud(t, markers))
 
-    def go_on_with(self, model: RodWinding) -> None:
+    def go_on_with(self, model: WindingModel) -> None:
         """Let another model of the same run take over; what it has missed is replayed.
 
         Args:
@@ -160,7 +162,7 @@ class FemHandler:
     def _new_pairing(self) -> TensionPairing:
         return TensionPairing(_period(topics.TENSION), listened=self._follow_tension)
 
-    def _follow(self, model: RodWinding, loaded: LoadedReading) -> Iterator[Answer]:
+    def _follow(self, model: WindingModel, loaded: LoadedReading) -> Iterator[Answer]:
         self._advance(model, loaded)
         t = loaded.t
         if t >= self._markers_due:
@@ -174,7 +176,7 @@ class FemHandler:
             width = self.config.case.cable_diameter
             yield Answer(topic=topics.FEM_CABLE_LINE, message=encode_line_strip(t, points, width))
 
-    def _advance(self, model: RodWinding, loaded: LoadedReading) -> None:
+    def _advance(self, model: WindingModel, loaded: LoadedReading) -> None:
         t, reading = loaded.t, loaded.reading
         if self._start is None:
             self._start = t
@@ -183,7 +185,7 @@ class FemHandler:
             self.history.record(t - self._start, reading, loaded.tension)
         model.advance_to(t - self._start, reading, loaded.tension)
 
-    def _pass_over(self, model: RodWinding, loaded: LoadedReading) -> None:
+    def _pass_over(self, model: WindingModel, loaded: LoadedReading) -> None:
         """Follow a reading of the past, of which nothing is published."""
         self._advance(model, loaded)
         while loaded.t >= self._markers_due:
@@ -191,7 +193,7 @@ class FemHandler:
         while loaded.t >= self._cable_due:
             self._cable_due += _due_period(topics.FEM_CABLE)
 
-    def _catch_up(self, model: RodWinding, inputs: RunInputs) -> None:
+    def _catch_up(self, model: WindingModel, inputs: RunInputs) -> None:
         """Wind what the machine has wound before this node was there; nothing is published."""
         for t, reading, tension in inputs:
             self._go_on()

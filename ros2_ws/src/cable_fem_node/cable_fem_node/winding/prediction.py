@@ -32,6 +32,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
+from winding_core.run_options import ELEMENTS
 
 Progress = Callable[[float], None]
 Look = Callable[[WindingModel], None]
@@ -177,12 +178,9 @@ class PlannedRun:
             ImpossibleResultError: It did not follow the cylinder, or is tighter than the span.
         """
         angles = self._angles(t)
-        turned, laid = float(angles[-1]), float(theta[-1])
-        if turned > FULL_TURN and laid < 0.5 * turned:
-            raise ImpossibleResultError(
-                f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of "
-                "it: it does not follow the cylinder; take shorter elements or more tension"
-            )
+        behind = left_behind(float(angles[-1]), float(theta[-1]))
+        if behind:
+            raise ImpossibleResultError(behind)
         law, case = self.config.tension_law, self.config.case
         arc = self.config.resolved.wound_radius * np.linspace(0.0, angles.max(), 200)
         highest = max(law(case.weight, case.cylinder_diameter, float(s)) for s in arc)
@@ -201,7 +199,20 @@ class PlannedRun:
 
     def model(self) -> WindingModel:
         """Return the model at the start of the run, its machine code loaded or built."""
-        return MODELS[self.element](self)
+        model = _MODELS[self.element](self)
+        model.compile()
+        return model
+
+    def refuse_wrong(self, model: WindingModel) -> None:
+        """Refuse what a model has wound up to its time.
+
+        Raises:
+            EnergyBalanceError: The energy balance does not close within 1 %.
+            ImpossibleResultError: The cable did not lie down, or is tighter than the span.
+        """
+        refuse_open_balance(model.energy, model.time, self.checks())
+        arc, theta, _ = model.wound_path()
+        self.refuse_impossible(theta, model.cable()["tension"][1 : arc.size], model.time)
 
     def wind(
         self,
@@ -242,12 +253,9 @@ class PlannedRun:
             if progress is not None:
                 progress(i / frames)
         cpu_seconds = cpu_clock() - started
-        energy = model.energy
-        refuse_open_balance(energy, self.duration, self.checks())
+        self.refuse_wrong(model)
         arc, theta, z = model.wound_path()
         span = model.span_tension
-        cable = model.cable()
-        self.refuse_impossible(theta, cable["tension"][1 : arc.size])
         return Prediction(
             config=self.config,
             drive=self.drive,
@@ -256,8 +264,8 @@ class PlannedRun:
             arc=arc,
             theta=theta,
             z=z,
-            cable=cable,
-            energy=energy,
+            cable=model.cable(),
+            energy=model.energy,
             stretch=model.wound_stretch(),
             stretch_closed_form=self.config.resolved.wound_stretch(
                 span, lambda: [self.drive.time_at_angle(x) for x in np.linspace(0.0, theta[-1], 50)]
@@ -306,9 +314,7 @@ def predict(
 def _rod(run: PlannedRun) -> WindingModel:
     from cable_fem_node.winding.rod_winding import RodWinding  # noqa: PLC0415
 
-    model = RodWinding(run.config)
-    model.compile()
-    return model
+    return RodWinding(run.config)
 
 
 def _solid(run: PlannedRun) -> WindingModel:
@@ -317,13 +323,27 @@ def _solid(run: PlannedRun) -> WindingModel:
     return SolidWinding(run.config, float(run.most_wound))
 
 
-MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
-ELEMENTS = tuple(MODELS)
+_MODELS: dict[str, Callable[[PlannedRun], WindingModel]] = {"rod": _rod, "solid": _solid}
 
 
 def _refuse_unless_positive(name: str, value: float) -> None:
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} must be positive and finite, got {value}")
+
+
+def left_behind(turned: float, laid: float) -> str:
+    """Return why cable does not follow a cylinder; empty where it does.
+
+    Args:
+        turned: Angle by which the cylinder has turned [rad].
+        laid: Angle of it on which the cable lies [rad].
+    """
+    if turned <= FULL_TURN or laid >= 0.5 * turned:
+        return ""
+    return (
+        f"the cylinder turned by {turned:.4g} rad and the cable lies on {laid:.4g} rad of it: it "
+        "does not follow the cylinder; take shorter elements or more tension"
+    )
 
 
 def refuse_open_balance(energy: EnergyLedger, t: float, checks: tuple[Check, ...] = ()) -> None:

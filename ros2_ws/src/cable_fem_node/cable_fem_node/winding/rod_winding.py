@@ -43,8 +43,7 @@ from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
 from cable_fem_node.winding.wound_surface import TURN, WoundSurface, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
-from winding_core.machine.readings import AxisReading
-from winding_core.markers import MarkerFlag, Markers
+from winding_core.markers import Markers
 
 # Time between two looks [s]. Oscillations of the span decay within it.
 LOOK_PERIOD = 0.1
@@ -162,15 +161,6 @@ class RodWinding(WindingModel):
         """Number of nodes that are integrated; the others rest on the cylinder."""
         return self._nodes.live
 
-    def compile(self) -> None:
-        """Load or build the machine code of the kernels, so that the first advance is not late."""
-        model = RodWinding(self.config)
-        still = AxisReading(
-            cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
-        )
-        model.advance_to(model.step_limit, still)
-        _ = model.energy
-
     def markers(self) -> Markers:
         """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
         resting = self._nodes.resting
@@ -182,10 +172,7 @@ class RodWinding(WindingModel):
         first = resting.count - 1
         wound_to = float(s[self._laid_nodes() - 1])
         records = self._marker_records(s, theta, z, wound_to)
-        loose = (records["flags"] & int(MarkerFlag.NOT_WOUND)) > 0
-        arc = records["id"][loose] * case.marker_spacing
-        for name, values in zip("xyz", self._nodes.position, strict=True):
-            records[name][loose] = np.interp(arc, s[first:], values)
+        self._place_loose(records, s[first:], self._nodes.position)
         return records
 
     def cable(self) -> NDArray[np.void]:
@@ -193,13 +180,7 @@ class RodWinding(WindingModel):
         return self._records(0)
 
     def newest_cable(self, turns: float) -> NDArray[np.void]:
-        """Return the cable's end: its last turns on the cylinder, all that moves, the span.
-
-        What it leaves out lies still on the cylinder. The cost does not grow with that.
-
-        Args:
-            turns: Count of turns, from where the cable lands.
-        """
+        """Return the cable's end, see `WindingModel`; what is left out costs nothing."""
         resting = self._nodes.resting
         _, theta, _ = self._nodes.path()
         oldest = float(theta[self._laid_nodes() - 1]) - math.tau * turns

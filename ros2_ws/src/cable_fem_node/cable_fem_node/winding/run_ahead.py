@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 
-from cable_fem_node.winding.prediction import PlannedRun, refuse_open_balance
-from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers, is_wound
@@ -40,7 +39,7 @@ def replay(inputs: Inputs, model: WindingModel, going: Callable[[], bool] = lamb
 
 
 class RunAhead:
-    """Winds a rod along planned inputs, and keeps what it finds at the ends of pieces.
+    """Winds a cable along planned inputs, and keeps what it finds at the ends of pieces.
 
     What is found depends on the plan alone, not on when or in how many calls it is wound.
 
@@ -59,9 +58,9 @@ class RunAhead:
 
     def __init__(
         self,
-        model: RodWinding,
+        model: WindingModel,
         planned: Planned,
-        check: Callable[[RodWinding], None] = lambda _model: None,
+        check: Callable[[WindingModel], None] = lambda _model: None,
         *,
         piece: float = PIECE,
     ) -> None:
@@ -77,18 +76,10 @@ class RunAhead:
 
     @classmethod
     def of(cls, run: PlannedRun, *, piece: float = PIECE) -> RunAhead:
-        """Return a run of the rod that is to be wound as planned, from its start."""
-        model = RodWinding(run.config)
-        model.compile()
-
-        def check(model: RodWinding) -> None:
-            refuse_open_balance(model.energy, model.time, run.checks())
-            arc, theta, _ = model.wound_path()
-            run.refuse_impossible(theta, model.tension()[: arc.size - 1], model.time)
-
+        """Return a run that is to be wound as planned, from its start."""
         times = run.frame_times()[1:].tolist()
         planned = ((t, run.drive.reading_at(t), None) for t in times)
-        return cls(model, planned, check, piece=piece)
+        return cls(run.model(), planned, run.refuse_wrong, piece=piece)
 
     def wind_piece(
         self, going: Callable[[], bool] = lambda: True, most_steps: float = float("inf")

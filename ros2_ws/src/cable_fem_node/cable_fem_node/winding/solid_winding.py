@@ -82,6 +82,9 @@ class SolidWinding(WindingModel):
         normal = 0.5 * load / (SINK_SHARE * radius)
         lightest = float(solid.mass.min())
         self._touch = penalty(normal, lightest, friction=config.friction, stick_share=0.25)
+        # Friction acts on the nodes, or on whole sections and not on them.
+        free = self._touch._replace(stick_damping=0.0, friction=0.0, cable_radius=0.0)
+        self._nodal = self._touch if config.rolling else free
         wave = math.sqrt(case.material.young / solid.density)
         self._solid = solid
         self._bar = bar
@@ -125,6 +128,7 @@ class SolidWinding(WindingModel):
             self._solid.mass,
             self._machine,
             self._touch,
+            self._nodal,
             self._scratch,
             self._ledger,
         )
@@ -150,7 +154,9 @@ class SolidWinding(WindingModel):
     def markers(self) -> Markers:
         """Return the records of P0..Pn; those not yet on the cylinder carry NOT_WOUND."""
         arc, theta, z = self.wound_path()
-        return self._marker_records(arc, theta, z, float(arc[-1]))
+        records = self._marker_records(arc, theta, z, float(arc[-1]))
+        self._place_loose(records, self._bar.axial, self._middle().T)
+        return records
 
     def cable(self) -> NDArray[np.void]:
         """Return the sections' centres as records x y z s tension strain, from P0 on.
@@ -176,6 +182,12 @@ class SolidWinding(WindingModel):
         records["roll"] = self._roll(middle, tangent)
         self._fill_twist(records, self._laid())
         return records
+
+    def newest_cable(self, turns: float) -> NDArray[np.void]:
+        """Return the sections up to the guide, see `WindingModel`: all of them are integrated."""
+        records, laid = self.cable(), self._laid()
+        behind = np.flatnonzero(records["y"][laid:] < -self.config.free_length)
+        return records[: laid + int(behind[0])]
 
     def _roll(self, middle: FloatArray, tangent: FloatArray) -> FloatArray:
         """Return by what angle sections have turned about the cable [rad], shape (sections,).

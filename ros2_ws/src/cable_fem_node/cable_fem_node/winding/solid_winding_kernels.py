@@ -158,6 +158,7 @@ def advance_solid_winding(
     mass: FloatArray,
     m: Machine,
     touch: ContactLaw,
+    nodal: ContactLaw,
     scratch: SolidScratch,
     ledger: FloatArray,
 ) -> SolidAdvance:
@@ -173,6 +174,7 @@ def advance_solid_winding(
         mass: Of the nodes (nodes,) [kg].
         m: Constants of the machine.
         touch: Constants of the contact.
+        nodal: Of single nodes; without friction where that acts on whole sections.
         scratch: Forces, grips and report, changed.
         ledger: Energies [J], added to.
     """
@@ -189,24 +191,6 @@ def advance_solid_winding(
     tail_mass = 0.0
     for i in range(tail_begin, nodes):
         tail_mass += mass[i]
-    nodal = touch
-    if not m.rolling:
-        nodal = ContactLaw(
-            normal_stiffness=touch.normal_stiffness,
-            normal_damping=touch.normal_damping,
-            stick_stiffness=touch.stick_stiffness,
-            stick_damping=0.0,
-            friction=0.0,
-            cable_radius=0.0,
-            beside_stiffness=touch.beside_stiffness,
-            beside_damping=touch.beside_damping,
-            line=touch.line,
-            chords=touch.chords,
-            apart=touch.apart,
-            low=touch.low,
-            high=touch.high,
-            rim=touch.rim,
-        )
     half = 0.5 * m.damping_rate * dt
     decay = (1.0 - half) / (1.0 + half)
     for step in range(steps):

@@ -14,7 +14,11 @@ from winding_core.cable.material_law import LawParameters, MaterialLaw
 from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drum import Drum
 from winding_core.machine.tension import DeadWeight, TensionLaw
-from winding_core.run_options import RunSolver
+from winding_core.run_options import SolverOptions
+
+# Factors on the density where none is given. The solid's steps are so short that its true mass
+# takes hours; its factor was raised until the laid path began to move.
+MASS_SCALING = {"rod": 1.0, "solid": 400.0}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,10 +100,11 @@ class WindingConfig(LawParameters):
         return replace(self, case=replace(self.case, material=material), **law.law_values())
 
     def refuse_rod_material(self) -> None:
-        """Refuse what a solid element does not have: stiffness factors, a Prony series, a drum.
+        """Refuse what a solid element does not have.
 
         Raises:
-            ValueError: A factor is not 1, or there is a series or a drum.
+            ValueError: A stiffness factor is not 1, the law has no stored energy, or there is a
+                Prony series or a drum.
         """
         material = self.case.material
         for name in ("axial_factor", "bending_factor"):
@@ -111,20 +116,23 @@ class WindingConfig(LawParameters):
         if material.yield_stress:
             raise ValueError("the solid element knows elastic cables alone: leave out yield_stress")
         material.refuse_fading("the solid element")
+        if self.law == "hencky_cauchy":
+            raise ValueError("the solid element needs a law with stored energy: take law hencky")
         if self.drum is not None:
             raise ValueError("the solid element lies on a bare cylinder: leave out the drum")
 
 
 @dataclass(frozen=True, kw_only=True)
-class SolverParameters(RunSolver):
-    """How the solver winds a condition."""
+class SolverParameters(SolverOptions):
+    """The solver's options, and the model that they make of a condition."""
 
-    def config_of(self, what: ResolvedCondition, *, mass_scaling: float = 1.0) -> WindingConfig:
+    @property
+    def scaling(self) -> float:
+        """Factor on the density."""
+        return self.mass_scaling or MASS_SCALING[self.element]
+
+    def config_of(self, what: ResolvedCondition) -> WindingConfig:
         """Return the model of a condition.
-
-        Args:
-            what: What is wound.
-            mass_scaling: Factor on the density where the parameters leave it open.
 
         Raises:
             ValueError: The condition cannot be wound with this mesh, or the material cannot
@@ -136,7 +144,7 @@ class SolverParameters(RunSolver):
             tension_law=what.tension_law,
             free_length=what.free_length,
             segment_length=self.segment_length or None,
-            mass_scaling=self.mass_scaling or mass_scaling,
+            mass_scaling=self.scaling,
             rolling=self.rolling,
             **what.law_values(),
         )

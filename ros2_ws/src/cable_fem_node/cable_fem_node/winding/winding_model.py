@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from abc import ABC, abstractmethod
 
@@ -93,6 +94,15 @@ class WindingModel(ABC):
         self._run(t, span, motion)
         self.time = t
 
+    def compile(self) -> None:
+        """Load or build the machine code of the kernels, so that the first advance is not late."""
+        model = copy.deepcopy(self)
+        still = AxisReading(
+            cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
+        )
+        model.advance_to(model.step_limit, still)
+        _ = model.energy
+
     @property
     def _drive(self) -> FloatArray:
         """The end of the last advance, shape (7,), rows ANGLE .. LANDING, as a view."""
@@ -135,6 +145,16 @@ class WindingModel(ABC):
     def wound_stretch(self) -> float:
         """Return the mean stretch of the laid cable; of the first element before any is laid."""
 
+    @abstractmethod
+    def newest_cable(self, turns: float) -> NDArray[np.void]:
+        """Return `cable` up to the guide: its last turns on the cylinder, all that moves, the span.
+
+        What it leaves out lies still on the cylinder.
+
+        Args:
+            turns: Count of turns, from where the cable lands.
+        """
+
     def lift_off(self) -> float:
         """Return the azimuth [rad] at which the cable leaves the cylinder, see `lift_off_angle`.
 
@@ -163,6 +183,13 @@ class WindingModel(ABC):
     @property
     def _contact_line(self) -> float:
         return self.config.resolved.constants.contact_line
+
+    def _place_loose(self, records: Markers, arc: FloatArray, nodes: FloatArray) -> None:
+        """Place the markers that are not on the cylinder on nodes (3, n) [m] at arc (n,) [m]."""
+        loose = (records["flags"] & int(MarkerFlag.NOT_WOUND)) > 0
+        place = records["id"][loose] * self.config.case.marker_spacing
+        for name, values in zip("xyz", nodes, strict=True):
+            records[name][loose] = np.interp(place, arc, values)
 
     def _marker_records(
         self, arc: FloatArray, theta: FloatArray, z: FloatArray, wound_to: float

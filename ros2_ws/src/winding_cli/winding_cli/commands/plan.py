@@ -123,7 +123,7 @@ def plan(
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
         what = parameters.resolved(spelled)
         limits = PlanParameters.from_typed(typed_limits, spelling=spelled).limits()
-        config = parameters.config_of(what, mass_scaling=1.0)
+        config = parameters.config_of(what)
         wound: WoundDrum | None = None
         if drum is None:
             wanted = _wanted(program, what, even, pitch_mm, turns, markers_every_turn)

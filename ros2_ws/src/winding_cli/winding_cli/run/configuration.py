@@ -149,6 +149,7 @@ def _check_nodes(spec: RunSpec, config: RunConfig) -> None:
     from correction_node.models.weights import load_factor, weights_directory
     from winding_recorder.live.recorder import RecorderError
     from winding_ros import topics
+    from winding_ros.graph import FEM, parameters_of
     from winding_supervisor.session.run_config import RunFolderError, check_run
 
     try:
@@ -159,7 +160,16 @@ def _check_nodes(spec: RunSpec, config: RunConfig) -> None:
         spec.source.refuse("output", error)
     except ValueError as error:
         spec.source.refuse("parameters", error)
-    # They may stand in the user's parameter file.
+    # They may stand in the user's parameter file, and so may the element.
+    fem: Any = build(parameters_of(FEM), config.parameters()[FEM.name], owner=FEM.name)
+    with spec.source.at("solver:"):
+        fem.in_step()
+    if spec.external and fem.element != "rod":
+        spec.source.refuse(
+            "element",
+            f"an external machine cannot wait for element {fem.element}, which needs several "
+            "seconds for each of the run: take element rod",
+        )
     if name := config.parameters()[topics.CORRECTION].get("weights"):
         with spec.source.at("weights"):
             load_factor(weights_directory(str(name)))

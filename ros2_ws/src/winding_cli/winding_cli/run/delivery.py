@@ -29,10 +29,12 @@ if TYPE_CHECKING:
 
 _RIG = "winding_rig"
 _ORIGINS = {"camera": "exposure of the newest frame", "prediction": "encoder sample"}
+_ROD = Shown("rod ahead\nmm", lambda row: row.s_rod, ".2f", MILLIMETRE)
 _RESULTS = (
     Shown("marker", lambda row: f"P{row.id}"),
     Shown("original\nmm", lambda row: row.original, ".2f", MILLIMETRE),
     Shown("FEM\nmm", lambda row: row.s_fem, ".2f", MILLIMETRE),
+    _ROD,
     Shown("tracked\nmm", lambda row: row.s_tracked, ".2f", MILLIMETRE),
     Shown("h\n", lambda row: row.h, ".4f"),
     Shown("corrected\nmm", lambda row: row.s_corrected, ".2f", MILLIMETRE),
@@ -228,7 +230,8 @@ def flaw(record: RunRecord, result: RunResult, given: Collection[str]) -> str:
 def results_table(record: RunRecord) -> Table:
     """Return every marker of a run: original, predicted, tracked, corrected, published, errors."""
     name = f"case {record.case.number}" if record.case.number else "an own condition"
-    return _table(_RESULTS, record.rows, 1, f"Curve lengths of {name}")
+    columns = tuple(column for column in _RESULTS if column is not _ROD or record.element != "rod")
+    return _table(columns, record.rows, 1, f"Curve lengths of {name}")
 
 
 def trace_tables(trace: LengthTrace) -> list[Table]:

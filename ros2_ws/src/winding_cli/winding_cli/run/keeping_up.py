@@ -28,9 +28,12 @@ def warn_of_slowness(config: RunConfig) -> None:
     if values is None or not pace:
         return
     wanted: Any = build(FemParameters, values, owner=FEM)
+    if wanted.element != "rod":
+        # Simulated time waits for the solid.
+        return
     with busy("estimating the time"):
         try:
-            sentence = falling_behind(wanted.planned(), time.process_time, pace=pace)
+            sentence = falling_behind(wanted.in_step(), time.process_time, pace=pace)
         except (SolverError, ValueError):
             # The node refuses it as it is configured, with the same sentence.
             return

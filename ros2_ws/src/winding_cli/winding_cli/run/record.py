@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_fem_node.winding.winding_config import SolverParameters
 from correction_node.models.weights import load_factor, weights_directory
 from winding_cli.run.laid_cable import last_cable, recorded_outcome
 from winding_cli.run.outcome import run_outcome
@@ -17,11 +19,16 @@ from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.helix import curve_length
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
-from winding_core.parameters import Value, declarations
-from winding_core.run_options import OperatorLimits
+from winding_core.parameters import Value, declarations, declared_in
+from winding_core.run_options import OperatorLimits, SolverOptions
 from winding_core.run_outcome import Extent
 from winding_recorder.live.run_buffer import Reading, RunBuffer
-from winding_reports.records.identity import Identity, Origin, condition_quantities
+from winding_reports.records.identity import (
+    Identity,
+    Origin,
+    condition_quantities,
+    solver_quantities,
+)
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 from winding_reports.trace import length_trace
 from winding_ros import topics
@@ -40,6 +47,12 @@ _UNSEEN = int(
 _THINNED = (
     "The run was long: of what came before its last seconds, curves and means have every second "
     "message, or every fourth, and so on. Nothing is missing from the counts of frames and samples."
+)
+
+_BESIDE_THE_ROD = (
+    "The solid predicted in step with the machine. The rod's lengths beside it were wound ahead of "
+    "the run, as it was planned and under the dead weight. The shipped weights were trained on the "
+    "rod's predictions and on the paper's: what h corrects here is another prediction."
 )
 
 
@@ -83,6 +96,12 @@ def run_record(
     corrected_by = _last_status(buffer, topics.CORRECTION)
     weights, digest = (corrected_by.get(key, "") for key in ("weights", "weights_sha256"))
     held_out = _held_out(weights, digest, what)
+    solver = SolverParameters(**declared_in(SolverOptions, parameters.get(topics.FEM, {})))
+    config = solver.config_of(what)
+    rod = MarkerSeries.empty()
+    if solver.element != "rod":
+        rod = _series(buffer, topics.FEM_PREDICTION, MARKER_DTYPE, unseen=MarkerFlag.NOT_WOUND)
+    ahead = dict(zip(rod.id.tolist(), rod.s.tolist(), strict=True))
     reached = buffer.time
     missing = _gaps
     if result.simulated:
@@ -103,6 +122,7 @@ def run_record(
             s_tracked=mean_length(tracked.of(marker), case.centreline_radius),
             s_published=experiment.get(marker),
             h_held_out=held_out.get(marker) if marker in final else None,
+            s_rod=ahead.get(marker),
             **_corrected(final.get(marker)),
         )
         for marker in range(1, case.marker_count + 1)
@@ -144,15 +164,25 @@ def run_record(
             bags=tuple(str(bag.absolute()) for bag in result.bags),
             weights=weights,
             weights_sha256=digest,
-            condition=condition_quantities(condition),
+            condition=condition_quantities(condition)
+            | solver_quantities(
+                replace(
+                    solver,
+                    segment_length=config.resolved.segment,
+                    mass_scaling=config.mass_scaling,
+                )
+            ),
         ),
         cable=last_cable(buffer, case),
+        element=solver.element,
+        rod=rod,
         notes=(
             *_notes(
                 published=case.is_published,
                 controlled=lay is not None,
                 laid_as_published=laid_as_published,
             ),
+            *([] if solver.element == "rod" else [_BESIDE_THE_ROD]),
             *([_THINNED] if buffer.thinned else []),
         ),
     )

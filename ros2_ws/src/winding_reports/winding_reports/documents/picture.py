@@ -27,6 +27,7 @@ PUBLISHED = "#1f2933"
 PAPER = "#d55e00"
 PAPER_CORRECTED = "#cc79a7"
 SKY = "#56b4e9"
+ROD = SKY
 
 WIDTH_INCHES = 9.2
 # Of what is drawn as pixels inside an SVG: sharp on paper and on dense screens.

@@ -9,7 +9,8 @@ from datetime import UTC, datetime
 from typing import Any, Self
 
 from winding_core.cable.condition import Condition
-from winding_core.parameters import Value, options
+from winding_core.parameters import Value, options, shown_values
+from winding_core.run_options import SolverOptions
 
 # What decides numbers or bytes, by the name that it is imported by.
 LIBRARIES = ("python", "numpy", "numba", "rclpy")
@@ -94,7 +95,7 @@ class Identity:
     Attributes:
         origin: The process that made it; None where a recording does not state it.
         seeds: Of what was drawn: the simulated sensors of a run, the networks of a study.
-        condition: What was wound and how, by the name of its option.
+        condition: What was wound and how, the solver's options included, by the name of the option.
     """
 
     origin: Origin | None = None
@@ -155,8 +156,17 @@ def condition_quantities(condition: Condition) -> dict[str, Quantity]:
     Raises:
         ParameterError: The condition is incomplete or leaves the range of the model.
     """
-    known = options(type(condition))
     values = condition.as_typed({}) | {"case": condition.resolved().case.number}
+    return _quantities(type(condition), values)
+
+
+def solver_quantities(solver: SolverOptions) -> dict[str, Quantity]:
+    """Return how a condition was wound, every value in the unit of its option."""
+    return _quantities(type(solver), shown_values(type(solver), vars(solver)))
+
+
+def _quantities(kind: type, values: Mapping[str, Value]) -> dict[str, Quantity]:
+    known = options(kind)
     return {
         name: Quantity(
             value=value,

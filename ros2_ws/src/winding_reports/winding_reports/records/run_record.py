@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -95,6 +95,12 @@ class MarkerSeries:
             if getattr(self, name).shape != self.t.shape:
                 raise ValueError(f"{name} needs one value per stamp")
 
+    @classmethod
+    def empty(cls) -> Self:
+        """Return a series without rows."""
+        none = np.zeros(0)
+        return cls(t=none, id=none.astype(np.int64), theta=none, z=none, s=none)
+
     def of(self, marker: int) -> MarkerSeries:
         """Return the rows of one marker."""
         mine = self.id == marker
@@ -117,6 +123,7 @@ class MarkerRow:
     s_low: float | None = None  # Lower end of its interval [m]
     s_high: float | None = None  # Upper end of its interval [m]
     s_published: float | None = None  # Measured in the paper's experiment [m]
+    s_rod: float | None = None  # Of the rod, ahead of a run with another element [m]
 
     @property
     def error_fem_pct(self) -> float | None:
@@ -145,6 +152,7 @@ class RunRecord(AxisSpeeds):
         trace: The ways to its corrected lengths; None for a run that was not traced.
         lay: What became of the wanted lay; None for a run without a controller of the lay.
         cable: The predicted cable at the end; None where the solver published none.
+        rod: Markers as the rod predicted them ahead of the run; empty where it is the element.
     """
 
     case: Case  # What was wound
@@ -166,6 +174,8 @@ class RunRecord(AxisSpeeds):
     lay: LayOutcome | None = None
     identity: Identity = field(default_factory=Identity)  # Which run this was
     cable: WoundCable | None = None
+    element: str = "rod"  # That predicted
+    rod: MarkerSeries = field(default_factory=MarkerSeries.empty)
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -215,6 +225,7 @@ def run_json(record: RunRecord) -> dict[str, Any]:
                 "error_fem_pct": _number(row.error_fem_pct),
                 "error_corrected_pct": _number(row.error_corrected_pct),
                 "error_held_out_pct": error_pct(row.s_published, row.s_held_out),
+                **({} if record.element == "rod" else {"s_rod_m": _number(row.s_rod)}),
             }
             for row in record.rows
         ],

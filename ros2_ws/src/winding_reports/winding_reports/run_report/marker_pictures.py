@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from winding_core.cable.cases import PublishedMarker
+from winding_core.error_verdict import error_pct
 from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.units import MILLIMETRE
 from winding_reports.documents.picture import (
@@ -17,6 +18,7 @@ from winding_reports.documents.picture import (
     PAPER_CORRECTED,
     PREDICTED,
     PUBLISHED,
+    ROD,
     TRACKED,
     Picture,
     broken,
@@ -26,6 +28,7 @@ from winding_reports.documents.picture import (
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord
 
 _TURN = 2.0 * math.pi
+_ROD_AHEAD = "rod, ahead of the run"
 
 
 def marker_picture(record: RunRecord) -> Picture:
@@ -80,7 +83,7 @@ def lay_picture(record: RunRecord) -> Picture:
         reach = max(
             [
                 _last(record, name, m)[0]
-                for name in ("predicted", "tracked")
+                for name in ("predicted", "tracked", "rod")
                 for m in record.marker_ids
             ],
             default=0.0,
@@ -101,14 +104,19 @@ def lay_picture(record: RunRecord) -> Picture:
                 label="kinematic reference",
                 zorder=1,
             )
-        for name, colour, size in (("tracked", TRACKED, 90), ("predicted", PREDICTED, 36)):
+        for name, colour, size in (
+            ("tracked", TRACKED, 90),
+            ("predicted", PREDICTED, 36),
+            ("rod", ROD, 12),
+        ):
             points = [_last(record, name, marker) for marker in record.marker_ids]
             known = [
                 (angle / _TURN, height / MILLIMETRE) for angle, height in points if angle > 0.0
             ]
             if known:
                 turns, heights = zip(*known, strict=True)
-                axes.scatter(turns, heights, s=size, color=colour, label=name, zorder=2)
+                label = _ROD_AHEAD if name == "rod" else name
+                axes.scatter(turns, heights, s=size, color=colour, label=label, zorder=2)
         measured = [row.experiment for row in published if row.experiment]
         if measured:
             axes.scatter(
@@ -171,6 +179,7 @@ def lengths_picture(record: RunRecord) -> Picture:
         left.axhline(0.0, color=FAINT, linewidth=0.8)
         _name_markers(left, record)
         for label, colour, shape in (
+            *(((_ROD_AHEAD, ROD, "v"),) if record.element != "rod" else ()),
             ("predicted", PREDICTED, "o"),
             ("corrected", CORRECTED, "s"),
             ("tracked", TRACKED, "^"),
@@ -182,7 +191,7 @@ def lengths_picture(record: RunRecord) -> Picture:
         ):
             left.scatter([], [], color=colour, marker=shape, label=label)
         left.margins(y=0.15)
-        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=5)
+        figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=6)
         caption = "as Tables 5 and 6, relative to the undeformed cable; the bars span the interval."
         for axes in right:
             _error_bars(axes, record, published)
@@ -199,6 +208,7 @@ def _stretches(axes: Axes, row: MarkerRow, paper: PublishedMarker | None) -> Non
         (row.s_fem, PREDICTED, "o", -0.24),
         (row.s_corrected, CORRECTED, "s", -0.12),
         (row.s_tracked, TRACKED, "^", 0.0),
+        (row.s_rod, ROD, "v", -0.36),
         (row.s_published, PUBLISHED, "D", 0.12),
         (paper.simulation.s if paper else None, PAPER, "X", 0.24),
     )
@@ -214,6 +224,11 @@ def _stretches(axes: Axes, row: MarkerRow, paper: PublishedMarker | None) -> Non
 def _error_bars(axes: Axes, record: RunRecord, published: dict[int, PublishedMarker]) -> None:
     rows = record.rows
     bars: tuple[tuple[str, str, str, list[float | None]], ...] = (
+        *(
+            ((_ROD_AHEAD, ROD, "", [error_pct(row.s_published, row.s_rod) for row in rows]),)
+            if record.element != "rod"
+            else ()
+        ),
         ("predicted", PREDICTED, "", [row.error_fem_pct for row in rows]),
         ("corrected", CORRECTED, "////", [row.error_corrected_pct for row in rows]),
         ("paper", PAPER, "....", [_paper_error(published.get(row.id), 7) for row in rows]),
@@ -250,7 +265,8 @@ def _error_bars(axes: Axes, record: RunRecord, published: dict[int, PublishedMar
                 )
     axes.set_title("error against the experiment, %")
     axes.legend(loc="upper right", ncols=2)
-    axes.margins(y=0.3)
+    # Two names stand in a row of the legend.
+    axes.margins(y=0.15 * math.ceil(len(bars) / 2))
 
 
 def _paper_error(row: PublishedMarker | None, table: int) -> float | None:

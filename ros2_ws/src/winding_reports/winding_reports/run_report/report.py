@@ -69,11 +69,12 @@ def render_report(record: RunRecord) -> str:
         against=verdict.against,
         measured="tracked" if verdict.against == CAMERA else "published",
         held_out=held_out,
+        element=record.element,
         facts_title=_FACTS,
         conditions=_conditions(record),
         tiles=_tiles(record),
         rows=[
-            _row_texts(row, error, held_out=held_out)
+            _row_texts(row, error, held_out=held_out, rod=record.element != "rod")
             for row, error in zip(record.rows, verdict.errors, strict=True)
         ],
         means=[_mean(verdict, name) for name in _ERRORS[: 3 if held_out else 2]],
@@ -156,11 +157,12 @@ def _verdict(outcome: RunOutcome) -> dict[str, Any]:
     }
 
 
-def _row_texts(row: MarkerRow, error: MarkerError, *, held_out: bool) -> list[str]:
+def _row_texts(row: MarkerRow, error: MarkerError, *, held_out: bool, rod: bool) -> list[str]:
     return [
         f"P{row.id}",
         _millimetres(row.original),
         _millimetres(row.s_fem),
+        *([_millimetres(row.s_rod)] if rod else []),
         _millimetres(row.s_tracked),
         fixed(row.h, 4),
         _millimetres(row.s_corrected),

@@ -10,12 +10,13 @@ from dataclasses import dataclass, field
 import joblib
 
 from cable_fem_node.dynamics.state import SolverError
-from cable_fem_node.winding.prediction import ELEMENTS, predict
-from cable_fem_node.winding.winding_config import WindingConfig
+from cable_fem_node.winding.prediction import predict
+from cable_fem_node.winding.winding_config import MASS_SCALING, WindingConfig
 from winding_core.cable.cases import Case, paper_case, published_conditions
 from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.machine.tension import DeadWeight, TensionLaw
+from winding_core.run_options import ELEMENTS
 from winding_study.paper.case_result import CaseResult, from_arrays, result_of, to_arrays
 from winding_study.run_store import RunStore, run_key, solver_version
 
@@ -23,8 +24,6 @@ PROCESSES = 2
 ROD_SEGMENT = 5.0e-3
 # A wound solid element is a chord: D / 6 is a third of the wound radius, so 0.3 rad.
 SOLID_SEGMENT_SHARE = 1.0 / 6.0
-# Raised until the laid path begins to move; kinetic energy stays far below internal energy.
-SOLID_MASS_SCALING = 400.0
 # Of the arrays in the store; a store of another format is not read.
 STORE_FORMAT = 1
 
@@ -57,9 +56,7 @@ class StudyConfig:
     @property
     def scaling(self) -> float:
         """Factor on the density."""
-        if self.mass_scaling is not None:
-            return self.mass_scaling
-        return SOLID_MASS_SCALING if self.element == "solid" else 1.0
+        return MASS_SCALING[self.element] if self.mass_scaling is None else self.mass_scaling
 
     def winding(self, case: Case) -> WindingConfig:
         """Return the model of one case.
