@@ -30,7 +30,7 @@ PANEL_OF_RECORD = {
     "LayTolerance": "Wanted lay",
     "ErrorLimit": "What is written",
     "PlanParameters": "Limits of the machine",
-    "DrumParameters": "Drum",
+    "DrumPlanParameters": "Drum",
 }
 
 

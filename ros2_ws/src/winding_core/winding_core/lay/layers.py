@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from winding_core.lay.program import LayProgram
 from winding_core.machine.drum import Drum, DrumError
@@ -21,6 +21,19 @@ WIDEST_PITCH = {"orthocyclic": 1.7, "parallel": 1.7, "cross": 1.3}
 WINDINGS = tuple(WIDEST_PITCH)
 # A pitch of one diameter may miss it by a rounding.
 ROUNDING = 1.0e-9
+
+
+def contact_height(cable_diameter: float, beside: ArrayLike) -> Array:
+    """Return by how much cable lies above cable that it touches, so far beside it [m].
+
+    sqrt(d^2 - u^2), nan for cable that does not touch.
+
+    Args:
+        cable_diameter: d [m].
+        beside: u, distance of the centre lines along the axis [m], any shape.
+    """
+    room = cable_diameter**2 - np.asarray(beside, dtype=float) ** 2
+    return np.sqrt(np.where(room >= 0.0, room, np.nan))
 
 
 def layer_rise(winding: str, cable_diameter: float, pitch: float) -> float:
@@ -53,7 +66,7 @@ def layer_rise(winding: str, cable_diameter: float, pitch: float) -> float:
             f"{d / MILLIMETRE:.4g} mm fall between the turns below: wind them no wider than "
             f"{widest:g} diameters, {widest * d / MILLIMETRE:.4g} mm"
         )
-    valley = math.sqrt(d**2 - 0.25 * p**2)
+    valley = float(contact_height(d, 0.5 * p))
     if winding == "cross":
         return 0.5 * valley + d**2 / p * math.asin(0.5 * p / d)
     return valley
