@@ -13,6 +13,7 @@ from lay_control_node.programs.reading import read_program
 from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.lay.drum_parameters import DrumParameters
+from winding_core.lay.layers import WoundDrum
 from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.lay.records import ControlMode
 from winding_core.machine.axes import MachineAxes
@@ -40,8 +41,9 @@ class LayControlParameters(ControlParameters, LayWish, DrumParameters, MachineAx
         Raises:
             LayProgramError: The program cannot be read or used.
         """
-        if self.filled:
-            return self.wind(what.case, self.pitch or None).program()
+        wound = self.filling(what)
+        if wound is not None:
+            return wound.program()
         if self.program and self.pitch:
             raise LayProgramError("give program or pitch, not both")
         if self.program:
@@ -57,6 +59,10 @@ class LayControlParameters(ControlParameters, LayWish, DrumParameters, MachineAx
             )
         return program
 
+    def filling(self, what: ResolvedCondition) -> WoundDrum | None:
+        """Return the drum as it is to be filled; None where it is not said how."""
+        return self.wind(what.case, self.pitch or None) if self.filled else None
+
     def new_controller(self) -> LayController:
         """Return the controller of a run.
 
@@ -71,4 +77,5 @@ class LayControlParameters(ControlParameters, LayWish, DrumParameters, MachineAx
             markers=program.markers if self.brake else {},
             mode=ControlMode[self.control.upper()],
             solver_patience=self.solver_patience,
+            wound=self.filling(what),
         )
