@@ -167,7 +167,7 @@ class RunSpec:
                 if key == "case" and isinstance(value, int):
                     published_case(value, written(key))
                 typed_values(SECTIONS[SECTION_OF[key]], {key: value}, written)
-        given = _with_filling(given, source)
+        given |= _of_filling(given, source)
         sections = {name: _section(name, given, source) for name in SECTIONS}
         spec = cls(given=given, source=source, **sections)
         for key, sentence in spec._contradictions():
@@ -310,10 +310,10 @@ class RunSpec:
         return f"{', '.join(words)} and {last} {many}" if words else f"{last} {one}"
 
 
-def _with_filling(given: Mapping[str, object], source: Source) -> Mapping[str, object]:
-    """Return options with what follows for a drum that is filled: it is driven until it is full."""
+def _of_filling(given: Mapping[str, object], source: Source) -> dict[str, object]:
+    """Return what follows where a drum is filled: it is driven until it is full."""
     if not (given.get("layers") or given.get("length_m")):
-        return given
+        return {}
     condition, lay, drum = (_section(name, given, source) for name in ("condition", "lay", "drum"))
     what = condition.resolved()
     with source.at("drum:"):
@@ -323,7 +323,8 @@ def _with_filling(given: Mapping[str, object], source: Source) -> Mapping[str, o
     if "duration_s" in given and condition.duration > time:
         sentence = f"is wound in {time:g} s, got {source.name('duration_s')} {condition.duration:g}"
         source.refuse("duration_s", f"what goes on the drum {sentence}")
-    return {"duration_s": time, "control": "drive", **given}
+    follows = {"duration_s": time, "control": "drive"}
+    return {key: value for key, value in follows.items() if key not in given}
 
 
 def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
@@ -337,7 +338,7 @@ def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
         if record is Condition:
             return Condition.from_typed(keys, spelling=source.name, case=case)
         if record is DrumParameters:
-            return DrumParameters.from_typed(keys, spelling=source.name)
+            return DrumParameters.from_options(keys, spelling=source.name)
         built: Any = build(record, typed_values(record, keys, source.name), owner="a run")
         if isinstance(built, MarkerLook):
             _ = built.hues

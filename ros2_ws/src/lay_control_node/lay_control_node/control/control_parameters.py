@@ -16,7 +16,7 @@ from lay_control_node.planning.lay_on import LayOnLaw
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.rounding import OF_FRICTION
 from winding_core.cable.condition import ResolvedCondition
-from winding_core.lay.layers import WoundDrum
+from winding_core.lay.layers import HEIGHT_TOLERANCE, WoundDrum
 from winding_core.lay.records import ControlMode
 from winding_core.machine.tension import RigTension
 from winding_core.parameters import parameter
@@ -27,8 +27,6 @@ _JERK_TIME = 1.0e-3
 _PULL_CHANGE = 1.4
 # A measured height that is off by this part of the pitch may be another turn's.
 _OF_PITCH = 0.25
-# Cable seen so much of a diameter off its layer's height lies in none or in another.
-_OF_DIAMETER = 0.3
 # Cable that is held by less slips whatever the guide does.
 _LEAST_FRICTION = 0.02
 
@@ -176,7 +174,7 @@ class ControlParameters:
                     acceleration=self.guide_acceleration_limit,
                 ),
                 following_error=self.following_error,
-                height_tolerance=_OF_DIAMETER * case.cable_diameter,
+                height_tolerance=HEIGHT_TOLERANCE * case.cable_diameter,
                 solver_patience=solver_patience,
             ),
             wanted=wanted,

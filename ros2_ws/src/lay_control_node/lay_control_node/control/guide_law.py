@@ -19,11 +19,11 @@ from winding_core.lay.program import LayProgram
 
 Array = NDArray[np.float64]
 
-# Neighbours hold cable by up to half its diameter where it climbs at a flange, and what is pushed
-# aside there pushes the turns after it; as one deviation, in diameters.
+# Cable that climbs at a flange is held by it and by its neighbours. What is pushed aside there
+# pushes the turns after it by up to half a diameter; as one deviation, in diameters.
 _HELD = 0.25
-# The last turn of a layer lies against the flange already [rad].
-_CLIMBS_WITHIN = 1.25 * 2.0 * math.pi
+# The first layer's cable climbs so far before the second layer begins [rad].
+_CLIMBS_WITHIN = 1.5 * math.pi
 # Share of the bound of h'' by which a slope that makes up an error is planned to be taken back.
 _BRAKING_SHARE = 0.5
 
@@ -36,7 +36,8 @@ class WantedPoint:
     slope: float  # Its first derivative, dz/dtheta [m/rad]
     curvature: float  # Its second derivative [m/rad^2]
     raised: float = 0.0  # Height of the cable there above that on the bare cylinder [m]
-    # By how much cable beside it may hold it off the place to which its span leads it [m].
+    # By how much cable beside it may hold it off the place to which its span leads it [m]; infinite
+    # where its place says nothing of the span.
     doubt: float = 0.0
 
 
@@ -144,7 +145,7 @@ class WantedProgram:
         """Return what is wanted at a wound angle [rad]."""
         z, slope, curvature = (float(self.line.at(theta, order)) for order in range(3))
         raised, soon = self.program.raised_at([theta, theta + _CLIMBS_WITHIN]).tolist()
-        doubt = _HELD * self.diameter if soon > 0.0 else 0.0
+        doubt = _HELD * self.diameter if raised > 0.0 else math.inf if soon > 0.0 else 0.0
         return WantedPoint(z=z, slope=slope, curvature=curvature, raised=raised, doubt=doubt)
 
     def slopes(self, theta: Array) -> Array:

@@ -8,7 +8,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lay_control_node.control.guide_law import AxisBounds, BoundedMotion, GuideLaw, WantedLay, WantedPoint
+from lay_control_node.control.guide_law import (
+    AxisBounds,
+    BoundedMotion,
+    GuideLaw,
+    WantedLay,
+    WantedPoint,
+)
 from lay_control_node.control.landing_law import LandingLaw
 from lay_control_node.control.lay_filter import LayEstimate, LayFilter
 from lay_control_node.control.layer_watch import LayerWatch
@@ -180,7 +186,8 @@ class LayController:
             if wanted.raised > 0.0:
                 lies = abs(place["lift"] - wanted.raised) < self.config.height_tolerance
             if lies:
-                self._measure(theta, z, math.hypot(sigma, wanted.doubt))
+                if math.isfinite(wanted.doubt):
+                    self._measure(theta, z, math.hypot(sigma, wanted.doubt))
                 if self.watch is not None:
                     self.watch.measure(theta, z, sigma)
 

@@ -156,9 +156,7 @@ class LayFilter:
         self._now = self._copied(self._seen)
         self._since.clear()
 
-    def advance(
-        self, theta: float, guide: float, bend: float = 0.0, raised: float = 0.0
-    ) -> None:
+    def advance(self, theta: float, guide: float, bend: float = 0.0, raised: float = 0.0) -> None:
         """Carry the estimate on to a wound angle [rad] at which the carriage reads `guide` [m].
 
         Angles that are not ahead are passed over: a cylinder that turns back lays nothing.
@@ -247,9 +245,7 @@ class LayFilter:
         radius = self.config.radius
         return math.sqrt(max(length**2 - raised * (2.0 * radius + raised), _LEAST_BEND**2))
 
-    def _carry(
-        self, state: _State, theta: float, guide: float, bend: float, raised: float
-    ) -> None:
+    def _carry(self, state: _State, theta: float, guide: float, bend: float, raised: float) -> None:
         config = self.config
         step = theta - state.theta
         moved = guide - state.guide

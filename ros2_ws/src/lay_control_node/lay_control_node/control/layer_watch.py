@@ -20,11 +20,13 @@ _PER_TURN = 72
 # Neighbours that are so many diameters farther apart or closer than wanted lie wrong, and so do
 # those whose places are known no better than so many deviations.
 _OFF, _DEVIATIONS = 0.3, 4.0
-# For so many places in a row, a quarter of a turn.
-_IN_A_ROW = 18
+# For so many places in a row, a sixth of a turn: what is pushed aside while it climbs is shorter.
+_IN_A_ROW = 12
+# What lands now is seen a little later: measured is what was seen of it by half.
+_MOSTLY = 0.5
 _BEFORE_END = 2
 # An edge turn lies within so many pitches of the place that is planned for it.
-_AT_EDGE = 0.5
+_AT_EDGE, _NEAR_EDGE = 0.5, 0.1
 
 
 class Fault(StrEnum):
@@ -83,8 +85,9 @@ class LayerWatch:
         for layer in wound.layers:
             self._layers[self._place(layer.first_turn * FULL_TURN) :] = layer.number
         theta = (np.arange(count) + 0.5) * FULL_TURN / _PER_TURN
-        wanted = np.interp(theta, wound.theta, wound.z)
-        self._apart = np.abs(wanted - np.roll(wanted, _PER_TURN))
+        self._wanted = wanted = np.interp(theta, wound.theta, wound.z)
+        self._onward = np.array([layer.direction for layer in wound.layers])[self._layers - 1]
+        self._apart = self._onward * (wanted - np.roll(wanted, _PER_TURN))
         self._landed = self._next_edge = 0
         self.faults: list[LayerFault] = []
 
@@ -124,11 +127,11 @@ class LayerWatch:
         before = slice(first - _PER_TURN, at + 1 - _PER_TURN)
         places = slice(first, at + 1)
         if first >= _PER_TURN and self._layers[at] == self._layers[first - _PER_TURN]:
-            apart = np.abs(self._z[places] - self._z[before])
+            apart = self._onward[at] * (self._z[places] - self._z[before])
             diameter, wanted = self._wound.cable_diameter, self._apart[places]
             doubt = _DEVIATIONS * np.hypot(self._sigma[places], self._sigma[before])
             beyond = np.maximum(_OFF * diameter, doubt)
-            known = bool(self._measured[places].all() and self._measured[before].all())
+            known = bool(self._measured[places].mean() >= _MOSTLY)
             if (apart > wanted + beyond).all():
                 self._find(Fault.GAP, at, float(np.median(apart)), measured=known)
             elif (apart < np.minimum(wanted, diameter) - beyond).all():
@@ -145,14 +148,13 @@ class LayerWatch:
         if at < end:
             return
         self._next_edge += 1
-        turn = slice(max(end - _PER_TURN, 0), end)
-        short = layer.direction * (layer.last_z - self._z[turn])
-        if not np.isfinite(short).any():
-            return
-        nearest = int(np.nanargmin(short))
-        off, sigma = float(short[nearest]), float(self._sigma[turn][nearest])
-        if off > max(_AT_EDGE * self._wound.pitch, _DEVIATIONS * sigma):
-            known = bool(self._measured[turn].all())
+        turn = np.arange(max(end - _PER_TURN, 0), end)
+        away = np.abs(self._wanted[turn] - layer.last_z)
+        edge = turn[away <= away.min() + _NEAR_EDGE * self._wound.pitch]
+        off = float(np.median(layer.direction * (self._wanted[edge] - self._z[edge])))
+        doubt = _DEVIATIONS * float(np.median(self._sigma[edge]))
+        if off > max(_AT_EDGE * self._wound.pitch, doubt):
+            known = bool(self._measured[edge].mean() >= _MOSTLY)
             self._find(Fault.EDGE, end - 1, off, measured=known)
 
     def _find(self, kind: Fault, at: int, off: float, *, measured: bool) -> None:

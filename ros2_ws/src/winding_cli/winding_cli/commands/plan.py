@@ -118,7 +118,7 @@ def plan(
     with refused(ValueError), refused(SolverError, code=FAILED):
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
         what = parameters.resolved(spelled)
-        on_drum = DrumPlanParameters.from_typed(typed_drum, spelling=spelled)
+        on_drum = DrumPlanParameters.from_options(typed_drum, spelling=spelled)
         drum = on_drum.drum(what.case)
         programmed = program is not None or even or turns is not None or markers_every_turn
         filled = drum is not None and (on_drum.filled or not programmed)

@@ -82,7 +82,7 @@ class DrumParameters(DrumShape):
     )
 
     @classmethod
-    def from_typed(cls, typed: Mapping[str, object], *, spelling: Spelling = str) -> Self:
+    def from_options(cls, typed: Mapping[str, object], *, spelling: Spelling = str) -> Self:
         """Return the drum that typed options mean.
 
         Args:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from winding_core.lay.program import LayProgram
+from winding_core.lay.records import LayRecords
 from winding_core.machine.drum import Drum, DrumError
 from winding_core.units import MILLIMETRE
 
@@ -19,6 +20,8 @@ FULL_TURN = 2.0 * math.pi
 # layer would lie on the next but one below; crossing cable falls between wider turns before.
 WIDEST_PITCH = {"orthocyclic": 1.7, "parallel": 1.7, "cross": 1.3}
 WINDINGS = tuple(WIDEST_PITCH)
+# Cable that is seen so much of a diameter off its layer's height lies in none or in another.
+HEIGHT_TOLERANCE = 0.3
 # A pitch of one diameter may miss it by a rounding.
 ROUNDING = 1.0e-9
 
@@ -123,6 +126,14 @@ class WoundDrum:
     def filled_diameter(self) -> float:
         """Over the outermost layer [m]."""
         return 2.0 * self.layers[-1].radius + self.cable_diameter
+
+    def in_place(self, places: LayRecords) -> LayRecords:
+        """Return the places of a measured lay that were seen as high as their layer lies."""
+        raised = self.program().raised_at(places["theta"])
+        seen: LayRecords = places[
+            np.abs(places["lift"] - raised) < HEIGHT_TOLERANCE * self.cable_diameter
+        ]
+        return seen
 
     def mass(self, per_length: float | Array) -> float:
         """Return the mass of the cable [kg].

@@ -75,10 +75,12 @@ class Drum:
             limit = min(max(float(z[after]), low), high)
             share = (limit - z[before]) / (z[after] - z[before] or 1.0)
             passed = theta[before] + share * (theta[after] - theta[before])
+            farthest = z[np.argmax(np.maximum(low - z, z - high))]
             raise DrumError(
                 f"the cable would leave the drum after {passed / math.tau:.4g} turns and come to "
-                f"z = {z[np.argmax(np.maximum(low - z, z - high))] / MILLIMETRE:.4g} mm: between flanges {self.width / MILLIMETRE:.4g} mm apart it lies from "
-                f"{low / MILLIMETRE:.4g} to {high / MILLIMETRE:.4g} mm"
+                f"z = {farthest / MILLIMETRE:.4g} mm: between flanges "
+                f"{self.width / MILLIMETRE:.4g} mm apart it lies from {low / MILLIMETRE:.4g} to "
+                f"{high / MILLIMETRE:.4g} mm"
             )
 
     @property

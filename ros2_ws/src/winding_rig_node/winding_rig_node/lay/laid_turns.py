@@ -116,9 +116,9 @@ class LaidTurns:
             aside = neighbour + math.copysign(self._diameter, beside)
             room = abs(aside - self.within(aside)) <= _GIVES * self._diameter
             aside = self.within(aside)
-            if abs(beside) >= _SLIDES * self._diameter and room:
-                if self._beside(aside, radius, older):
-                    return self._on(aside, older)
+            slides = room and abs(beside) >= _SLIDES * self._diameter
+            if slides and self._beside(aside, radius, older):
+                return self._on(aside, older)
         return self._on(z, below)
 
     def _beside(self, z: float, radius: float, older: FloatArray) -> bool:

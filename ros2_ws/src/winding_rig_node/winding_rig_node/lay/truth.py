@@ -21,8 +21,8 @@ def truth_record(truth: LayTruth) -> dict[str, Any]:
 
     Keys: `hidden` (what `HiddenRig` holds; empty for a lay that is known ahead), `wound_angle`
     [rad], `path` (`theta` [rad], `z` [m], `length` [m], the last one empty for a lay that is
-    known ahead; on a drum `radius` [m], `layer` from 1 on the drum and `turn` from 1 at P0, which
-    are empty on a bare cylinder) and `markers` (`theta` [rad], `z` [m], null for those that have not landed).
+    known ahead; on a drum `radius` [m], `layer` from 1 on the drum and `turn` from 1 at P0, empty
+    on a bare cylinder) and `markers` (`theta` [rad], `z` [m], null for those that have not landed).
     """
     return {
         "hidden": dict(truth.hidden),

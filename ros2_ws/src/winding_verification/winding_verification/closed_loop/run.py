@@ -299,7 +299,9 @@ def wind(run: ClosedRun) -> ClosedResult:
     machine = Machine(
         MachineConfig(case=case, drive=drive, duration=duration, commands=limits), rng
     )
-    controller = run.control.controller(what, run.wanted, markers=run.markers, mode=run.mode, wound=run.drum)
+    controller = run.control.controller(
+        what, run.wanted, markers=run.markers, mode=run.mode, wound=run.drum
+    )
     setpoints: list[Setpoint] = []
     carriage: list[float] = []
     machine.start()
