@@ -91,6 +91,8 @@ def _mean(number: int, frames: list[list[float]]) -> LandedMarker:
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
 UNWOUND = 0.2
+# Neighbours hold cable off its place by so many deviations at most.
+_DOUBTS = 3.0
 # Least tension that a span is taken to carry [N].
 _LEAST_TENSION = 1.0e-3
 
@@ -187,7 +189,8 @@ class LayController:
                 lies = abs(place["lift"] - wanted.raised) < self.config.height_tolerance
             if lies:
                 if math.isfinite(wanted.doubt):
-                    self._measure(theta, z, math.hypot(sigma, wanted.doubt))
+                    limit = _DOUBTS * wanted.doubt if wanted.doubt > 0.0 else math.inf
+                    self._measure(theta, z, math.hypot(sigma, wanted.doubt), limit)
                 if self.watch is not None:
                     self.watch.measure(theta, z, sigma)
 
@@ -258,8 +261,8 @@ class LayController:
         tension = self.stretch.estimate.tension(pull, self.law.radius * max(theta, 0.0))
         return math.sqrt(self.config.bending_stiffness / max(float(tension), _LEAST_TENSION))
 
-    def _measure(self, theta: float, z: float, sigma: float) -> None:
-        score = self.lay.measure(theta, z, sigma)
+    def _measure(self, theta: float, z: float, sigma: float, limit: float = math.inf) -> None:
+        score = self.lay.measure(theta, z, sigma, limit)
         if score is not None:
             self.innovations = [*self.innovations[-99:], score]
 

@@ -175,8 +175,12 @@ class LayFilter:
         self._carry(self._now, *place)
         self._since.append(place)
 
-    def measure(self, theta: float, z: float, sigma: float) -> float | None:
+    def measure(
+        self, theta: float, z: float, sigma: float, limit: float = math.inf
+    ) -> float | None:
         """Take the height z [m] of cable at a wound angle [rad] with its deviation [m].
+
+        One that is off by more than a limit [m] is never accepted, however long that persists.
 
         Returns:
             Its innovation in standard deviations; None where it is not new, because cable
@@ -192,7 +196,9 @@ class LayFilter:
             self._carry(seen, theta, self._between(theta), *self._since[0][2:])
         noise = sigma**2 + self.config.correlated**2
         innovation = z - seen.mean[Z]
-        if self._is_outlier(theta, innovation, seen.covariance[Z, Z] + noise):
+        if abs(innovation) > limit or self._is_outlier(
+            theta, innovation, seen.covariance[Z, Z] + noise
+        ):
             return None
         column = seen.covariance[:, Z]
         spread = column[Z] + noise

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.lay.layers import FULL_TURN, Layer, WoundDrum
+from winding_core.lay.layers import ANOTHER_TURN, FULL_TURN, Layer, WoundDrum
 from winding_core.units import MILLIMETRE
 
 Array = NDArray[np.float64]
@@ -41,7 +41,7 @@ class Fault(StrEnum):
 class LayerFault:
     """Something wrong with a turn, and how that is known."""
 
-    kind: Fault
+    kind: Fault  # What is wrong
     layer: int  # From 1 on the drum
     turn: int  # Turns behind P0, from 1
     theta: float  # Wound angle where it was found [rad]
@@ -115,7 +115,10 @@ class LayerWatch:
     def measure(self, theta: float, z: float, sigma: float) -> None:
         """Take where the cable was seen: wound angle [rad], z and its deviation [m]."""
         at = self._place(theta)
-        if theta >= 0.0 and math.isfinite(self._z[at]):
+        if theta < 0.0 or math.isnan(self._z[at]):
+            return
+        near = abs(z - self._z[at]) < ANOTHER_TURN * self._wound.pitch
+        if near or self._layers[at] == 1:
             self._z[at], self._sigma[at], self._measured[at] = z, sigma, True
             self._judge(at)
 

@@ -13,7 +13,13 @@ from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
 from winding_core.lay.layers import WoundDrum
-from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, LayRecords, cable_lay
+from winding_core.lay.records import (
+    LAY_CONTROL_DTYPE,
+    LAY_DTYPE,
+    LayControlRecords,
+    LayRecords,
+    cable_lay,
+)
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.parameters import Value, build
 from winding_recorder.live.run_buffer import RunBuffer
@@ -53,9 +59,10 @@ def recorded_outcome(
     radius = what.case.centreline_radius
     wanted = _wanted(condition, wish)
     wound = None if wanted is None else wanted.filling(what)
-    places = _last_lay(buffer) if wound is None else _every_place(buffer, wound)
+    states = np.concatenate(control)
+    places = _last_lay(buffer) if wound is None else _every_place(buffer, wound, states)
     run = LaidRun(
-        control=np.concatenate(control),
+        control=states,
         places=places,
         predicted=_predicted(buffer, radius),
         ahead=_ahead(buffer),
@@ -71,11 +78,13 @@ def recorded_outcome(
     return replace(outcome, drum=drum_outcome(wound, run.control, places, faults))
 
 
-def _every_place(buffer: RunBuffer, wound: WoundDrum) -> LayRecords:
+def _every_place(buffer: RunBuffer, wound: WoundDrum, states: LayControlRecords) -> LayRecords:
     """Return each place as it was measured last: later layers hide those below."""
+    theta, first = np.unique(states["theta"], return_index=True)
     newest: dict[float, LayRecords] = {}
     for _, places in buffer.clouds(topics.TRACKED_LAY, LAY_DTYPE):
-        for place in wound.in_place(places):
+        landed = np.interp(places["theta"], theta, states["z"][first])
+        for place in wound.in_place(places, landed):
             newest[float(place["theta"])] = place
     found: LayRecords = np.array(list(newest.values()), dtype=LAY_DTYPE)
     return found

@@ -22,6 +22,8 @@ WIDEST_PITCH = {"orthocyclic": 1.7, "parallel": 1.7, "cross": 1.3}
 WINDINGS = tuple(WIDEST_PITCH)
 # Cable that is seen so much of a diameter off its layer's height lies in none or in another.
 HEIGHT_TOLERANCE = 0.3
+# On upper layers a place that is so many pitches from where the cable landed is another turn's.
+ANOTHER_TURN = 1.5
 # A pitch of one diameter may miss it by a rounding.
 ROUNDING = 1.0e-9
 
@@ -127,12 +129,19 @@ class WoundDrum:
         """Over the outermost layer [m]."""
         return 2.0 * self.layers[-1].radius + self.cable_diameter
 
-    def in_place(self, places: LayRecords) -> LayRecords:
-        """Return the places of a measured lay that were seen as high as their layer lies."""
+    def in_place(self, places: LayRecords, landed: Array) -> LayRecords:
+        """Return the places of a measured lay that were seen as high as their layer lies.
+
+        On cable a place that is far from where the cable landed is one of another turn.
+
+        Args:
+            places: LAY_DTYPE, shape (n,).
+            landed: Where the cable landed at their wound angles [m], shape (n,).
+        """
         raised = self.program().raised_at(places["theta"])
-        seen: LayRecords = places[
-            np.abs(places["lift"] - raised) < HEIGHT_TOLERANCE * self.cable_diameter
-        ]
+        level = np.abs(places["lift"] - raised) < HEIGHT_TOLERANCE * self.cable_diameter
+        near = np.abs(places["z"] - landed) < ANOTHER_TURN * self.pitch
+        seen: LayRecords = places[level & ((raised == 0.0) | near)]
         return seen
 
     def mass(self, per_length: float | Array) -> float:
