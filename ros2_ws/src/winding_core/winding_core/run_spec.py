@@ -310,6 +310,10 @@ class RunSpec:
         return f"{', '.join(words)} and {last} {many}" if words else f"{last} {one}"
 
 
+# So much earlier ends what fills a drum [ms].
+_BEFORE_FULL_MS = 3
+
+
 def _of_filling(given: Mapping[str, object], source: Source) -> dict[str, object]:
     """Return what follows where a drum is filled: it is driven until it is full."""
     if not (given.get("layers") or given.get("length_m")):
@@ -318,8 +322,9 @@ def _of_filling(given: Mapping[str, object], source: Source) -> dict[str, object
     what = condition.resolved()
     with source.at("drum:"):
         wound = drum.wind(what.case, lay.pitch or None)
-    # The machine moves in milliseconds.
-    time = math.floor(1e3 * what.drive.time_at_angle(float(wound.theta[-1]))) / 1e3
+    # The cylinder comes to rest a milliradian beyond its place, and what is full takes no more.
+    whole = math.floor(1e3 * what.drive.time_at_angle(float(wound.theta[-1])))
+    time = (whole - _BEFORE_FULL_MS) / 1e3
     if "duration_s" in given and condition.duration > time:
         sentence = f"is wound in {time:g} s, got {source.name('duration_s')} {condition.duration:g}"
         source.refuse("duration_s", f"what goes on the drum {sentence}")
