@@ -99,6 +99,30 @@ def test_a_program_excludes_the_options_of_a_helix() -> None:
         cw.plan(cw.Condition(case=4), "lay.yaml", turns=3)
 
 
+def test_a_drum_is_planned_layer_by_layer() -> None:
+    drum = cw.DrumPlanParameters(drum_width=0.06, flange=0.02, layers=3)
+    found = cw.plan(cw.Condition(case=4), drum=drum)
+    d = 4.0e-3
+    rises = np.unique(np.round(found.radius - found.radius[0], 9))
+    assert rises == pytest.approx(np.arange(3) * np.sqrt(3.0) / 2.0 * d, rel=1e-6)
+    # P0 lies against a flange; corners are rounded towards the inside.
+    assert found.z_wanted.min() == 0.0
+    assert found.z_wanted.max() == pytest.approx(0.06 - d)
+    # The cable keeps its speed: the cylinder is slowest on the outermost layer.
+    speed = np.gradient(found.cylinder, found.t)
+    middle = speed[found.t.size // 6], speed[found.t.size // 2], speed[5 * found.t.size // 6]
+    assert middle[0] > middle[1] > middle[2] > 0.0
+
+
+def test_a_plan_beside_the_drum_is_refused() -> None:
+    drum = cw.DrumPlanParameters(drum_width=0.06, flange=0.02)
+    with pytest.raises(ValueError, match=r"would leave the drum after 3\.111 turns"):
+        cw.plan(cw.Condition(case=4), pitch=0.018, turns=4, drum=drum)
+    layered = cw.DrumPlanParameters(drum_width=0.06, flange=0.02, layers=2)
+    with pytest.raises(ValueError, match="a drum has a program of its own"):
+        cw.plan(cw.Condition(case=4), turns=4, drum=layered)
+
+
 def test_a_tensile_test_is_fitted_by_every_law() -> None:
     strain = np.linspace(0.02, 0.2, 10)
     fits = cw.fit_tensile(strain, 2.6e6 * strain)

@@ -388,6 +388,14 @@ def test_layers_that_reach_the_guide_are_refused() -> None:
         plan_lay(on_drum("parallel", 5), near, LIMITS)
 
 
-def test_the_control_refuses_layers() -> None:
-    with pytest.raises(LayProgramError, match="the program has layers"):
-        WantedProgram.of(on_drum("parallel"), WHAT, LIMITS)
+def test_the_control_knows_at_which_height_cable_is_wanted() -> None:
+    program = on_drum("parallel")
+    wanted = WantedProgram.of(program, WHAT, LIMITS)
+    for theta in np.linspace(0.0, program.end, 40):
+        point = wanted.at(float(theta))
+        assert point.raised == program.raised_at(theta)
+        # What lies on the bare cylinder lies where its span leads it, until it climbs.
+        assert (point.doubt > 0.0) >= (point.raised > 0.0)
+    assert wanted.at(0.0).doubt == 0.0
+    with pytest.raises(LayProgramError, match="would reach the guide"):
+        WantedProgram.of(on_drum("parallel", 5), replace(WHAT, free_length=0.01), LIMITS)

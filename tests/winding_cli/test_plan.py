@@ -164,6 +164,7 @@ def test_the_rod_winds_a_drum_in_layers(tmp_path: Path) -> None:
         ([*DRUM, "--layers", "9"], "9 layers would pass the flanges, 20 mm high: they hold 5"),
         ([*DRUM, "--length-m", "90"], "90 m of cable would pass the flanges"),
         ([*DRUM, "--layers", "2", "--even"], "a drum has a program of its own"),
+        ([*DRUM, "--even", "--turns", "4"], "leave the drum after 3.102 turns"),
         ([*DRUM, "--layers", "2", "--edge-dwell-turns", "0.2"], "orthocyclic winding has no --ed"),
         ([*DRUM, "--layers", "2", "--pitch-mm", "7"], "no wider than 1.7 diameters, 6.8 mm"),
         ([*DRUM, "--layers", "2", "--winding", "wild"], "must be one of orthocyclic, parallel, cr"),

@@ -75,6 +75,25 @@ def test_estimates_have_their_deviations_and_uncommanded_values_are_marked() -> 
     assert beliefs(watching)["Pull"] == "would be 2.50 N"
 
 
+def test_layers_are_shown_where_there_are_any() -> None:
+    control = control_state(ControlBasis.MEASURED)
+    assert "Layer" not in beliefs(control)
+    values = {
+        "mode": "drive",
+        "layer": "2",
+        "turn_of_layer": "3.40",
+        "measured_share_of_layer": "0.25",
+        "newest_layer_fault": "gap in layer 2, turn 9: 6.1 mm from the turn before, measured",
+    }
+    control.note_statuses([Status(name="lay_control", message="drive", values=values)])
+    assert beliefs(control)["Layer"] == "2, turn 3.40, 25 % measured"
+    assert beliefs(control)["Found"] == values["newest_layer_fault"]
+    unseen = {**values, "measured_share_of_layer": "nan", "newest_layer_fault": ""}
+    control.note_statuses([Status(name="lay_control", message="drive", values=unseen)])
+    assert beliefs(control)["Layer"] == "2, turn 3.40, nothing measured"
+    assert beliefs(control)["Found"] == "no gap, climb or missing edge turn"
+
+
 def test_wanted_line_is_what_was_heard_and_forgotten_with_the_run() -> None:
     state = controlled()
     known = state.control.wanted

@@ -24,12 +24,14 @@ if TYPE_CHECKING:
     from cable_winding.tracking import Tracking, track
     from winding_core.cable.condition import Condition
     from winding_core.markers import MarkerFlag
+    from winding_study.plans.drum_plan import DrumPlanParameters
 
 __all__ = [
     "FEATURES",
     "Cable",
     "Condition",
     "Correction",
+    "DrumPlanParameters",
     "MarkerFlag",
     "Markers",
     "Modulus",
@@ -57,6 +59,7 @@ _MODULES = {
     "cable_winding.tracking": ("Tracking", "track"),
     "winding_core.cable.condition": ("Condition",),
     "winding_core.markers": ("MarkerFlag",),
+    "winding_study.plans.drum_plan": ("DrumPlanParameters",),
 }
 _HOMES = {name: module for module, names in _MODULES.items() for name in names}
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from lay_control_node.planning.planner import plan_lay
 from lay_control_node.programs import even_helix, read_program, with_markers_every_turn
 from winding_core.cable.condition import Condition
+from winding_study.plans.drum_plan import DrumPlanParameters
 from winding_study.plans.plan_parameters import PlanParameters
 
 FloatArray = NDArray[np.float64]
@@ -31,6 +32,7 @@ class MotionPlan:
         z: Predicted axial position there [m], shape (n,).
         z_wanted: Wanted axial position there [m], shape (n,).
         landings: Predicted wound angle of marker k [rad], by k; NaN where it does not land.
+        radius: Of the lay's centre line there [m], shape (n,); that of its layer on a drum.
         warnings: What of the program is out of reach, one sentence each.
     """
 
@@ -41,6 +43,7 @@ class MotionPlan:
     theta: FloatArray
     z: FloatArray
     z_wanted: FloatArray
+    radius: FloatArray
     landings: dict[int, float]
     warnings: tuple[str, ...]
 
@@ -60,27 +63,41 @@ def plan(
     tolerance: float | None = None,
     period: float = 0.01,
     limits: PlanParameters | None = None,
+    drum: DrumPlanParameters | None = None,
 ) -> MotionPlan:
     """Plan guide, cylinder and brake for a lay program, as `winding plan` does.
 
     Args:
         condition: What is wound, and how fast at most.
         program: File of the lay program (.yaml, .csv or .gcode); None for an even helix.
-        pitch: Axial advance per turn of the helix [m]; None for the condition's drive.
+        pitch: Axial advance per turn of the helix [m], or between turns on a drum that is filled;
+            None for the condition's drive, or the drum's grooves or the cable's diameter.
         turns: Count of turns of the helix; None for those of the condition's duration.
         markers_every_turn: Whether marker k shall land after k turns.
         tolerance: Distance by which a corner may be rounded [m]; the cylinder slows down for it.
         period: Time between setpoints [s].
         limits: Limits of the machine; None for the simulated machine's.
+        drum: Flanges and grooves of the cylinder. With layers or a length it is filled, by a
+            program of its own; else the program has to lie between its flanges.
 
     Returns:
         The setpoints and the predicted lay.
 
     Raises:
-        ValueError: The program cannot be read, overlaps itself, or leaves the machine's limits.
+        ValueError: The program cannot be read, overlaps itself, or leaves the drum or the machine's
+            limits.
     """
     what = condition.resolved()
-    if program is not None:
+    bounds = (limits or PlanParameters()).limits()
+    if drum is not None and drum.filled:
+        if program is not None or turns is not None or markers_every_turn:
+            raise ValueError(
+                "a drum has a program of its own: leave out program, turns and markers_every_turn"
+            )
+        what = drum.paced(what)
+        wound = drum.wind(what.case, pitch)
+        wanted = drum.program(wound, what, bounds)
+    elif program is not None:
         if pitch is not None or turns is not None:
             raise ValueError("pitch and turns define an even helix: leave them out with a program")
         wanted = read_program(Path(program), radius=what.case.centreline_radius)
@@ -90,7 +107,11 @@ def plan(
         wanted = even_helix(what.drive.pitch if pitch is None else pitch, turns)
     if markers_every_turn:
         wanted = with_markers_every_turn(wanted, what.case.marker_count)
-    found = plan_lay(wanted, what, (limits or PlanParameters()).limits(), residual_limit=tolerance)
+    between = None if drum is None else drum.drum(what.case)
+    if between is not None:
+        between.refuse_beyond(wanted.theta, wanted.z, what.case.cable_diameter)
+    even_cable = drum is not None and drum.filled
+    found = plan_lay(wanted, what, bounds, residual_limit=tolerance, even_cable=even_cable)
     setpoints = found.samples(found.times(period))
     return MotionPlan(
         t=setpoints.t,
@@ -100,6 +121,7 @@ def plan(
         theta=found.theta,
         z=found.predicted,
         z_wanted=np.asarray(wanted.z_at(found.theta)),
+        radius=found.radius + wanted.raised_at(found.theta),
         landings={landing.number: landing.predicted for landing in found.landings},
         warnings=found.sentences,
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable
 from typing import Any
@@ -10,6 +11,7 @@ from lay_control_node.control.cadence import LONGEST_GAP
 from lay_control_node.ros.command_carrier import CommandCarrier
 from lay_control_node.ros.message_handler import Clocks, LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
+from winding_core.lay.layers import FULL_TURN
 from winding_core.lay.records import ControlBasis, ControlMode
 from winding_core.status import Level, Status
 from winding_ros import graph, services, topics
@@ -17,6 +19,8 @@ from winding_ros.runtime.managed_node import ManagedNode
 
 # A carriage that is so much of the following error behind its setpoint does not follow.
 _BEHIND = 0.8
+# A status carries the newest faults of layers.
+_SHOWN_FAULTS = 20
 
 
 class LayControlNode(ManagedNode[LayControlParameters]):
@@ -92,10 +96,24 @@ class LayControlNode(ManagedNode[LayControlParameters]):
         )
         if stays:
             basis += f"; the carriage stands {1e3 * newest.ahead:.1f} mm behind its setpoint"
+        layers: dict[str, str] = {}
+        watch, faults = handler.controller.watch, []
+        if watch is not None:
+            layer, faults = watch.layer_at(newest.theta), watch.faults
+            share = watch.measured_share(layer.number)
+            layers = {
+                "layer": str(layer.number),
+                "turn_of_layer": f"{newest.theta / FULL_TURN - layer.first_turn + 1.0:.2f}",
+                "measured_share_of_layer": f"{share:.2f}",
+                "newest_layer_fault": faults[-1].sentence if faults else "",
+                "layer_faults": json.dumps([fault.record() for fault in faults[-_SHOWN_FAULTS:]]),
+            }
+            basis += f"; layer {layer.number}"
+            basis += "".join(f"; {fault.sentence}" for fault in faults[-1:])
         unseen = mode is ControlMode.DRIVE and newest.basis is ControlBasis.MODEL
         return Status(
             name=topics.LAY_CONTROL,
-            level=Level.WARN if fallen or unseen or stays else Level.OK,
+            level=Level.WARN if fallen or unseen or stays or faults else Level.OK,
             message=f"{mode.name.lower()}, {basis}",
             values={
                 "mode": mode.name.lower(),
@@ -109,6 +127,7 @@ class LayControlNode(ManagedNode[LayControlParameters]):
                 "free_length_sigma_mm": f"{1e3 * lay.sigma_length:.1f}",
                 "load_share": f"{newest.stretch.share:.3f}",
                 "drag_n": f"{newest.stretch.drag:.3f}",
+                **layers,
             },
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -12,6 +13,8 @@ from typing import Any, NoReturn, Self
 from winding_core import run_options as declared
 from winding_core.cable.condition import Condition, published_case
 from winding_core.cell_file import CellFile, Place, cell_text, read_cell
+from winding_core.lay.drum_parameters import DrumParameters
+from winding_core.lay.layers import WoundDrum
 from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MarkerLook
 from winding_core.parameters import (
@@ -33,6 +36,7 @@ SECTIONS: Mapping[str, type] = MappingProxyType(
         "camera": declared.RunCamera,
         "tracking": declared.RunTracking,
         "lay": declared.LayWish,
+        "drum": DrumParameters,
         "correction": declared.RunCorrection,
         "recording": declared.RunRecording,
         "limits": declared.OperatorLimits,
@@ -127,6 +131,7 @@ class RunSpec:
     camera: declared.RunCamera  # What looks on
     tracking: declared.RunTracking  # What it looks for
     lay: declared.LayWish  # Wanted; there is one where any option of it is given
+    drum: DrumParameters  # Between whose flanges is wound, and how much
     correction: declared.RunCorrection  # Of the predicted lengths
     recording: declared.RunRecording  # What is left, and where
     limits: declared.OperatorLimits  # What is called good
@@ -164,6 +169,7 @@ class RunSpec:
                 if key == "case" and isinstance(value, int):
                     published_case(value, written(key))
                 typed_values(SECTIONS[SECTION_OF[key]], {key: value}, written)
+        given |= _of_filling(given, source)
         sections = {name: _section(name, given, source) for name in SECTIONS}
         spec = cls(given=given, source=source, **sections)
         for key, sentence in spec._contradictions():
@@ -210,12 +216,23 @@ class RunSpec:
         return bool(self.asked("lay"))
 
     @property
+    def wish(self) -> dict[str, Value]:
+        """Parameters of the wanted lay that were given [SI], by field."""
+        return {**self.asked("lay"), **self.asked("drum")}
+
+    @property
+    def wound_drum(self) -> WoundDrum | None:
+        """The drum as it is to be filled; None where it is not said how."""
+        if not self.drum.filled:
+            return None
+        return self.drum.wind(self.condition.resolved().case, self.lay.pitch or None)
+
+    @property
     def simulated_lay(self) -> str:
         """Where the simulated cable lies."""
         published = self.condition.resolved().case.is_published
-        return self.machine.lay or (
-            "driven" if self.controlled else "paper" if published else "fem"
-        )
+        driven = self.controlled or bool(self.drum.drum_width)
+        return self.machine.lay or ("driven" if driven else "paper" if published else "fem")
 
     def text(self) -> str:
         """Return a cell file that describes this run."""
@@ -255,6 +272,14 @@ class RunSpec:
         if lay == "paper" and not self.condition.resolved().case.is_published:
             reason = "paper is what the paper measured of cases 1 to 12; use fem"
             yield "lay", f"{name('lay')} {reason}"
+        if lay not in ("", "driven") and self.drum.drum_width:
+            yield "lay", f"{name('lay')} {lay} lies on a bare cylinder: on a drum use driven"
+        if self.drum.filled:
+            for key in self._given(("program", "markers_every_turn")):
+                yield key, f"a drum has a program of its own: leave out {name(key)}"
+            if self.lay.control != "drive":
+                reason = "the drive programme's guide does not turn at the flanges"
+                yield "control", f"{name('control')} must be drive to fill a drum: {reason}"
         if "lay_tolerance_mm" in self.given and not self.controlled:
             wishes = f"give {name('control')}, {name('program')} or {name('pitch_mm')}, too"
             yield "lay_tolerance_mm", f"{name('lay_tolerance_mm')} judges a wanted lay: {wishes}"
@@ -287,6 +312,28 @@ class RunSpec:
         return f"{', '.join(words)} and {last} {many}" if words else f"{last} {one}"
 
 
+# So much earlier ends what fills a drum [ms].
+_BEFORE_FULL_MS = 3
+
+
+def _of_filling(given: Mapping[str, object], source: Source) -> dict[str, object]:
+    """Return what follows where a drum is filled: it is driven until it is full."""
+    if not (given.get("layers") or given.get("length_m")):
+        return {}
+    condition, lay, drum = (_section(name, given, source) for name in ("condition", "lay", "drum"))
+    what = condition.resolved()
+    with source.at("drum:"):
+        wound = drum.wind(what.case, lay.pitch or None)
+    # The cylinder comes to rest a milliradian beyond its place, and what is full takes no more.
+    whole = math.floor(1e3 * what.drive.time_at_angle(float(wound.theta[-1])))
+    time = (whole - _BEFORE_FULL_MS) / 1e3
+    if "duration_s" in given and condition.duration > time:
+        sentence = f"is wound in {time:g} s, got {source.name('duration_s')} {condition.duration:g}"
+        source.refuse("duration_s", f"what goes on the drum {sentence}")
+    follows = {"duration_s": time, "control": "drive"}
+    return {key: value for key, value in follows.items() if key not in given}
+
+
 def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
     """Return a section's record; refuse a combination where it stands."""
     record = SECTIONS[name]
@@ -297,6 +344,8 @@ def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
     def made(keys: Mapping[str, object]) -> Any:
         if record is Condition:
             return Condition.from_typed(keys, spelling=source.name, case=case)
+        if record is DrumParameters:
+            return DrumParameters.from_options(keys, spelling=source.name)
         built: Any = build(record, typed_values(record, keys, source.name), owner="a run")
         if isinstance(built, MarkerLook):
             _ = built.hues

@@ -158,11 +158,12 @@ class RigNode(ManagedNode[RigParameters]):
         if not wanted.follows_commands:
             self._lay = wanted.laid(rng)
             return None, KnownLay(self._lay, wanted.free_length)
-        self._lay = driven = motion_lay(wanted.lay, case, rng)
+        drum = wanted.drum(case)
+        self._lay = driven = motion_lay(wanted.lay, case, rng, drum)
         # The first step compiles its kernel: before time runs, not within it.
         driven.advance(0.0, 0.0, case.weight)
         driven.restart()
-        return driven, GrowingLay(driven.view())
+        return driven, GrowingLay(driven.view(), lifted=drum is not None)
 
     def _write_truth(self) -> None:
         if self._truth is None or self._loop is None:

@@ -10,11 +10,13 @@ from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedLay
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.lay_controller import ControllerConfig, LayController
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
+from lay_control_node.control.layer_watch import LayerWatch
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
 from lay_control_node.planning.lay_on import LayOnLaw
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.rounding import OF_FRICTION
 from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.layers import HEIGHT_TOLERANCE, WoundDrum
 from winding_core.lay.records import ControlMode
 from winding_core.machine.tension import RigTension
 from winding_core.parameters import parameter
@@ -23,7 +25,7 @@ from winding_core.parameters import parameter
 _JERK_TIME = 1.0e-3
 # Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
 _PULL_CHANGE = 1.4
-# A measured height that is off by this part of the drive programme's pitch may be another turn's.
+# A measured height that is off by this part of the pitch may be another turn's.
 _OF_PITCH = 0.25
 # Cable that is held by less slips whatever the guide does.
 _LEAST_FRICTION = 0.02
@@ -121,6 +123,7 @@ class ControlParameters:
         markers: Mapping[int, float],
         mode: ControlMode,
         solver_patience: float = math.inf,
+        wound: WoundDrum | None = None,
     ) -> LayController:
         """Return the controller of a condition.
 
@@ -131,11 +134,13 @@ class ControlParameters:
                 a brake.
             mode: What it begins in.
             solver_patience: Time without the solver before the drive programme is followed [s].
+            wound: The drum as it is to be filled; None for a bare cylinder.
 
         Raises:
             ValueError: Limits end before they begin, or the cable's stress fades.
         """
         case = what.case
+        pitch = what.drive.pitch if wound is None else wound.pitch
         case.material.refuse_fading("the lay controller")
         law = LayOnLaw(
             case,
@@ -169,6 +174,7 @@ class ControlParameters:
                     acceleration=self.guide_acceleration_limit,
                 ),
                 following_error=self.following_error,
+                height_tolerance=HEIGHT_TOLERANCE * case.cable_diameter,
                 solver_patience=solver_patience,
             ),
             wanted=wanted,
@@ -184,7 +190,7 @@ class ControlParameters:
                     sigma_length=self.free_length_sigma,
                     sigma_offset=self.eye_sigma,
                     play=self.guide_play,
-                    gate=_OF_PITCH * abs(what.drive.pitch) or LayFilterConfig.gate,
+                    gate=_OF_PITCH * abs(pitch) or LayFilterConfig.gate,
                 )
             ),
             stretch=StretchFilter(
@@ -203,6 +209,7 @@ class ControlParameters:
                 ),
             ),
             landing=landing,
+            watch=None if wound is None else LayerWatch(wound),
             mode=mode,
         )
 

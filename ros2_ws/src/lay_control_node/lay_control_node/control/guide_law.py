@@ -10,15 +10,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.control.lay_filter import LayEstimate
-from lay_control_node.planning.guide_path import guide_path, within
+from lay_control_node.planning.guide_path import guide_path, layer_lag, within
 from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.rounding import needed_width, width_without_slip
 from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from winding_core.cable.condition import ResolvedCondition
-from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.lay.program import LayProgram
 
 Array = NDArray[np.float64]
 
+# Cable that climbs at a flange is held by it and by its neighbours. What is pushed aside there
+# pushes the turns after it by up to half a diameter; as one deviation, in diameters.
+_HELD = 0.25
+# The first layer's cable climbs so far before the second layer begins [rad].
+_CLIMBS_WITHIN = 1.5 * math.pi
 # Share of the bound of h'' by which a slope that makes up an error is planned to be taken back.
 _BRAKING_SHARE = 0.5
 
@@ -30,6 +35,10 @@ class WantedPoint:
     z: float  # Height [m]
     slope: float  # Its first derivative, dz/dtheta [m/rad]
     curvature: float  # Its second derivative [m/rad^2]
+    raised: float = 0.0  # Height of the cable there above that on the bare cylinder [m]
+    # By how much cable beside it may hold it off the place to which its span leads it [m]; infinite
+    # where its place says nothing of the span.
+    doubt: float = 0.0
 
 
 class WantedLay(Protocol):
@@ -67,7 +76,7 @@ class GuideLaw:
     A large error is made up by the root of its size, so that the slope can be taken back in time.
     """
 
-    radius: float  # Centreline radius rho = R + r [m]
+    radius: float  # Centreline radius rho = R + r on the bare cylinder [m]
     gain: float = 1.5  # k, per wound angle [1/rad]
     turning: float = math.inf  # Bound of h'' [m/rad^2]
 
@@ -82,8 +91,9 @@ class GuideLaw:
             guide: Setpoint of the carriage now [m].
             turned: Wound angle of the step [rad]; one that is not positive moves nothing.
         """
-        near = lay.bend_length / self.radius
-        far = (lay.free_length - lay.bend_length) / self.radius
+        radius = self.radius + wanted.raised
+        near = lay.bend_length / radius
+        far = (lay.free_length - lay.bend_length) / radius
         heading = (guide + lay.offset - lay.headed) / far
         slope = wanted.slope + near * wanted.curvature
         missing = wanted.z + near * wanted.slope - lay.headed
@@ -111,31 +121,32 @@ def _within(value: float, most: float) -> float:
 class WantedProgram:
     """A program's rounded line; before P0 and after its end the helices go on."""
 
+    program: LayProgram
     line: SmoothedLine
+    diameter: float = 0.0  # Of the cable [m]
 
     @classmethod
     def of(cls, program: LayProgram, what: ResolvedCondition, limits: PlanLimits) -> WantedProgram:
         """Return a program, rounded for a condition's speed and friction and a machine's limits.
 
         Raises:
-            LayProgramError: The program has layers.
+            LayProgramError: Layers would reach the guide.
         """
-        if program.layered:
-            raise LayProgramError(
-                "the control knows cable on the bare cylinder alone, the program has layers: "
-                "plan its motion and let the machine follow that"
-            )
-        lag = what.free_length / what.case.centreline_radius
+        rho = what.case.centreline_radius
+        lag = layer_lag(what.free_length / rho, rho, program.raised[:-1])
         path = within(guide_path(program, lag, 0.0), *limits.travel)
         width = needed_width(path, what.drive.angular_speed, limits)
         line = smoothed_program(program, width)
         held = width_without_slip(line, what.case.centreline_radius, what.friction)
-        return cls(line=replace(line, width=max(width, held)))
+        line = replace(line, width=max(width, held))
+        return cls(program=program, line=line, diameter=what.case.cable_diameter)
 
     def at(self, theta: float) -> WantedPoint:
         """Return what is wanted at a wound angle [rad]."""
         z, slope, curvature = (float(self.line.at(theta, order)) for order in range(3))
-        return WantedPoint(z=z, slope=slope, curvature=curvature)
+        raised, soon = self.program.raised_at([theta, theta + _CLIMBS_WITHIN]).tolist()
+        doubt = _HELD * self.diameter if raised > 0.0 else math.inf if soon > 0.0 else 0.0
+        return WantedPoint(z=z, slope=slope, curvature=curvature, raised=raised, doubt=doubt)
 
     def slopes(self, theta: Array) -> Array:
         """Return dz/dtheta wanted at wound angles [rad], shape of the angles [m/rad]."""

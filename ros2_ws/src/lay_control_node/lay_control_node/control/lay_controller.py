@@ -8,9 +8,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lay_control_node.control.guide_law import AxisBounds, BoundedMotion, GuideLaw, WantedLay
+from lay_control_node.control.guide_law import (
+    AxisBounds,
+    BoundedMotion,
+    GuideLaw,
+    WantedLay,
+    WantedPoint,
+)
 from lay_control_node.control.landing_law import LandingLaw
 from lay_control_node.control.lay_filter import LayEstimate, LayFilter
+from lay_control_node.control.layer_watch import LayerWatch
 from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
 from winding_core.lay.records import ControlBasis, ControlMode, LayFlag, LayRecords
 from winding_core.machine.readings import AxisReading
@@ -84,6 +91,8 @@ def _mean(number: int, frames: list[list[float]]) -> LandedMarker:
 
 # Cable that lies on less than this has nothing on the cylinder that could slip [rad].
 UNWOUND = 0.2
+# Neighbours hold cable off its place by so many deviations at most.
+_DOUBTS = 3.0
 # Least tension that a span is taken to carry [N].
 _LEAST_TENSION = 1.0e-3
 
@@ -103,6 +112,8 @@ class ControllerConfig:
     bending_stiffness: float  # EI of the cable [N m^2]
     guide: AxisBounds  # Bounds of the carriage
     unseen_angle: float = 3.0 * math.pi
+    # How far off its layer's height a place may be seen that counts [m].
+    height_tolerance: float = 1.0e-3
     following_error: float = 0.02  # How far the setpoint goes ahead of the carriage [m]
     solver_patience: float = 1.0
 
@@ -134,6 +145,7 @@ class LayController:
 
     Attributes:
         landing: Law of the brake; None where there is none or no marker has a wanted angle.
+        watch: Finds what is wrong with layers; None on a bare cylinder.
         innovations: Of measured heights, in standard deviations, the newest last.
     """
 
@@ -143,6 +155,7 @@ class LayController:
     lay: LayFilter  # Estimate of the lay
     stretch: StretchFilter  # Estimate of the tension at lay-on
     landing: LandingLaw | None = None
+    watch: LayerWatch | None = None
     mode: ControlMode = ControlMode.WATCH  # What is done with the result
     late: bool = False  # Whether commands leave too late for what has been measured to be fed back
     innovations: list[float] = field(default_factory=list)
@@ -156,15 +169,30 @@ class LayController:
     def take_markers(self, markers: Markers) -> None:
         """Take the tracked markers of one frame."""
         for landed in self._landed.take(markers):
+            # The tracker places markers on the bare cylinder; so does the law of the stretch.
+            if self.wanted.at(landed.theta).doubt > 0.0:
+                continue
             self._measure(landed.theta, landed.z, landed.sigma_z)
             self.stretch.land(landed.number, landed.theta, landed.sigma_theta)
 
     def take_lay(self, places: LayRecords) -> None:
-        """Take measured places of the wound cable; only those ahead of the newest one count."""
-        new = places[places["theta"] > self.lay.measured_to]
-        new = new[(new["flags"] & (LayFlag.OVERLAP | LayFlag.CLIMB)) == 0]
-        for place in np.sort(new, order="theta"):
-            self._measure(float(place["theta"]), float(place["z"]), float(place["sigma_z"]))
+        """Take measured places of the wound cable; only those ahead of the newest one count.
+
+        A place counts where it was seen as high as cable is wanted there.
+        """
+        new = np.sort(places[places["theta"] > self.lay.measured_to], order="theta")
+        for place in new:
+            theta, z, sigma = (float(place[name]) for name in ("theta", "z", "sigma_z"))
+            wanted = self.wanted.at(theta)
+            lies = (place["flags"] & (LayFlag.OVERLAP | LayFlag.CLIMB)) == 0
+            if wanted.raised > 0.0:
+                lies = abs(place["lift"] - wanted.raised) < self.config.height_tolerance
+            if lies:
+                if math.isfinite(wanted.doubt):
+                    limit = _DOUBTS * wanted.doubt if wanted.doubt > 0.0 else math.inf
+                    self._measure(theta, z, math.hypot(sigma, wanted.doubt), limit)
+                if self.watch is not None:
+                    self.watch.measure(theta, z, sigma)
 
     def take_solver(self, t: float) -> None:
         """Note that the solver has answered for a time [s]."""
@@ -180,7 +208,7 @@ class LayController:
         """
         theta = reading.cylinder_angle
         wanted = self.wanted.at(theta)
-        self._follow(reading, pull, wanted.slope)
+        self._follow(reading, pull, wanted)
         dt = 0.0 if self._before is None else t - self._before
         self._before = t
         driving = self.mode is ControlMode.DRIVE
@@ -193,6 +221,8 @@ class LayController:
             self._pull = pull
         basis = self._basis(t) if driving or not self._driven else ControlBasis.RAMP
         guide, lay = self._guide, self.lay.estimate()
+        if self.watch is not None:
+            self.watch.land(lay.theta, lay.z, lay.sigma_z)
         guide.wait_for(reading.carriage_position, self.config.following_error)
         if basis in (ControlBasis.RAMP, ControlBasis.LATE):
             guide.go(self.config.advance_per_radian * reading.angular_speed, max(dt, 1.0e-9))
@@ -216,23 +246,23 @@ class LayController:
             commanding=self._driven,
         )
 
-    def _follow(self, reading: AxisReading, pull: float, slope: float) -> None:
-        """Carry both estimates on to a reading, where dz/dtheta [m/rad] is wanted."""
+    def _follow(self, reading: AxisReading, pull: float, wanted: WantedPoint) -> None:
+        """Carry both estimates on to a reading, and to what is wanted there."""
         theta, guide = reading.cylinder_angle, reading.carriage_position
         bend = self._bend_length(theta, pull)
         if self._before is None and theta > UNWOUND:
-            self.lay.join(theta, guide, slope, bend)
+            self.lay.join(theta, guide, wanted.slope, bend, wanted.raised)
             self.stretch.join(theta)
-        self.lay.advance(theta, guide, bend)
-        self.stretch.advance(theta, pull, slope)
+        self.lay.advance(theta, guide, bend, wanted.raised)
+        self.stretch.advance(theta, pull, wanted.slope)
 
     def _bend_length(self, theta: float, pull: float) -> float:
         """Return sqrt(EI / T) [m] of the span under a pull at the guide [N]."""
         tension = self.stretch.estimate.tension(pull, self.law.radius * max(theta, 0.0))
         return math.sqrt(self.config.bending_stiffness / max(float(tension), _LEAST_TENSION))
 
-    def _measure(self, theta: float, z: float, sigma: float) -> None:
-        score = self.lay.measure(theta, z, sigma)
+    def _measure(self, theta: float, z: float, sigma: float, limit: float = math.inf) -> None:
+        score = self.lay.measure(theta, z, sigma, limit)
         if score is not None:
             self.innovations = [*self.innovations[-99:], score]
 

@@ -79,13 +79,18 @@ class LayEstimate:
 
 @dataclass(kw_only=True)
 class _State:
-    """Mean (4,), covariance (4, 4), wound angle [rad] and guide [m] up to which they hold."""
+    """Mean (4,), covariance (4, 4), wound angle [rad] and guide [m] up to which they hold.
+
+    Of the mean the free length is that from the bare cylinder; `raised` is the height of the cable
+    above that [m].
+    """
 
     mean: Array
     covariance: Array
     theta: float
     guide: float
     bend: float
+    raised: float = 0.0
     heading: float = 0.0
 
 
@@ -98,6 +103,9 @@ class LayFilter:
     cylinder lays nothing. Two states are kept. One stands where the
     last measured height is and moves on with the next; the other is that state carried on to the
     present along the guide's way since.
+
+    On a drum the radius of each layer is that of its plan. The guide keeps its distance from the
+    axis, so one free length on the bare cylinder is that of every layer.
 
     Args:
         config: The prior.
@@ -114,10 +122,12 @@ class LayFilter:
             bend=_LEAST_BEND,
         )
         self._now = self._copied(self._seen)
-        self._since: deque[tuple[float, float, float]] = deque()
+        self._since: deque[tuple[float, float, float, float]] = deque()
         self._refused_from: float | None = None
 
-    def join(self, theta: float, guide: float, slope: float, bend: float) -> None:
+    def join(
+        self, theta: float, guide: float, slope: float, bend: float, raised: float = 0.0
+    ) -> None:
         """Begin in mid-run, with a cable that has followed an even guide for long.
 
         Where it lands is known no better than that.
@@ -127,11 +137,13 @@ class LayFilter:
             guide: Reading of the carriage [m].
             slope: dz/dtheta of the lay [m/rad].
             bend: Length l over which the end of the span is bent [m].
+            raised: Height of the cable above that on the bare cylinder [m].
         """
         config = self.config
-        z = guide - slope * config.free_length / config.radius
-        bend = min(max(bend, _LEAST_BEND), _MOST_BEND * config.free_length)
-        near = slope * bend / config.radius
+        radius, span = config.radius + raised, self._span(config.free_length, raised)
+        z = guide - slope * span / radius
+        bend = min(max(bend, _LEAST_BEND), _MOST_BEND * span)
+        near = slope * bend / radius
         variances = (_UNKNOWN**2, _UNKNOWN**2, config.sigma_length**2, config.sigma_offset**2)
         self._seen = _State(
             mean=np.array([z, z + near, config.free_length, 0.0]),
@@ -139,11 +151,12 @@ class LayFilter:
             theta=theta,
             guide=guide,
             bend=bend,
+            raised=raised,
         )
         self._now = self._copied(self._seen)
         self._since.clear()
 
-    def advance(self, theta: float, guide: float, bend: float = 0.0) -> None:
+    def advance(self, theta: float, guide: float, bend: float = 0.0, raised: float = 0.0) -> None:
         """Carry the estimate on to a wound angle [rad] at which the carriage reads `guide` [m].
 
         Angles that are not ahead are passed over: a cylinder that turns back lays nothing.
@@ -152,17 +165,22 @@ class LayFilter:
             theta: Wound angle [rad].
             guide: Reading of the carriage [m].
             bend: Length l over which the end of the span is bent [m].
+            raised: Height of the cable above that on the bare cylinder [m].
         """
         if theta < self._now.theta + _STEP:
             if theta <= self._now.theta:
                 self._now.guide = guide
             return
-        place = (theta, guide, max(bend, _LEAST_BEND))
+        place = (theta, guide, max(bend, _LEAST_BEND), raised)
         self._carry(self._now, *place)
         self._since.append(place)
 
-    def measure(self, theta: float, z: float, sigma: float) -> float | None:
+    def measure(
+        self, theta: float, z: float, sigma: float, limit: float = math.inf
+    ) -> float | None:
         """Take the height z [m] of cable at a wound angle [rad] with its deviation [m].
+
+        One that is off by more than a limit [m] is never accepted, however long that persists.
 
         Returns:
             Its innovation in standard deviations; None where it is not new, because cable
@@ -175,10 +193,12 @@ class LayFilter:
         while self._since and self._since[0][0] <= theta:
             self._carry(seen, *self._since.popleft())
         if self._since:
-            self._carry(seen, theta, self._between(theta), self._since[0][2])
+            self._carry(seen, theta, self._between(theta), *self._since[0][2:])
         noise = sigma**2 + self.config.correlated**2
         innovation = z - seen.mean[Z]
-        if self._is_outlier(theta, innovation, seen.covariance[Z, Z] + noise):
+        if abs(innovation) > limit or self._is_outlier(
+            theta, innovation, seen.covariance[Z, Z] + noise
+        ):
             return None
         column = seen.covariance[:, Z]
         spread = column[Z] + noise
@@ -215,6 +235,7 @@ class LayFilter:
         """Return the lay now."""
         state = self._now
         z, headed, length, offset = map(float, state.mean)
+        length = self._span(length, state.raised)
         return LayEstimate(
             theta=state.theta,
             z=z,
@@ -225,16 +246,22 @@ class LayFilter:
             covariance=state.covariance.copy(),
         )
 
-    def _carry(self, state: _State, theta: float, guide: float, bend: float) -> None:
+    def _span(self, length: float, raised: float) -> float:
+        """Return the free length [m] of cable that lies higher, by that on the bare cylinder."""
+        radius = self.config.radius
+        return math.sqrt(max(length**2 - raised * (2.0 * radius + raised), _LEAST_BEND**2))
+
+    def _carry(self, state: _State, theta: float, guide: float, bend: float, raised: float) -> None:
         config = self.config
         step = theta - state.theta
         moved = guide - state.guide
         middle = 0.5 * (guide + state.guide)
         z, headed, length, offset = map(float, state.mean)
-        turned = step * config.radius
-        after = _landed(z, headed, length, middle + offset, turned, bend)
-        longer = _landed(z, headed, length + _CHANGE, middle + offset, turned, bend)
-        slow, fast, mixed = _kept(length, turned, bend)
+        turned = step * (config.radius + raised)
+        span, further = self._span(length, raised), self._span(length + _CHANGE, raised)
+        after = _landed(z, headed, span, middle + offset, turned, bend)
+        longer = _landed(z, headed, further, middle + offset, turned, bend)
+        slow, fast, mixed = _kept(span, turned, bend)
         change = np.eye(4)
         # What is kept of z and of h, what L changes, and the rest comes from the eye.
         change[Z] = (fast, mixed, (longer[0] - after[0]) / _CHANGE, 1.0 - fast - mixed)
@@ -248,11 +275,11 @@ class LayFilter:
         if moved:
             state.heading = moved
         state.covariance = change @ state.covariance @ change.T + np.diag(noise)
-        state.theta, state.guide, state.bend = theta, guide, bend
+        state.theta, state.guide, state.bend, state.raised = theta, guide, bend, raised
 
     def _between(self, theta: float) -> float:
         """Return the carriage's reading [m] at an angle between the last one taken and the next."""
-        later, guide, _ = self._since[0]
+        later, guide, *_ = self._since[0]
         seen = self._seen
         share = (theta - seen.theta) / (later - seen.theta)
         return seen.guide + share * (guide - seen.guide)
@@ -270,6 +297,7 @@ class LayFilter:
             theta=state.theta,
             guide=state.guide,
             bend=state.bend,
+            raised=state.raised,
             heading=state.heading,
         )
 

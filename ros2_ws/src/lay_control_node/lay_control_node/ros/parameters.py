@@ -12,6 +12,8 @@ from lay_control_node.programs.points import FULL_TURN
 from lay_control_node.programs.reading import read_program
 from lay_control_node.programs.simple_programs import even_helix, with_markers_every_turn
 from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.lay.drum_parameters import DrumParameters
+from winding_core.lay.layers import WoundDrum
 from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.lay.records import ControlMode
 from winding_core.machine.axes import MachineAxes
@@ -23,7 +25,7 @@ _BEYOND = 2.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
+class LayControlParameters(ControlParameters, LayWish, DrumParameters, MachineAxes, Condition):
     """What is wound, what is wanted of the lay, and how it is brought about."""
 
     solver_patience: float = parameter(
@@ -39,6 +41,9 @@ class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
         Raises:
             LayProgramError: The program cannot be read or used.
         """
+        wound = self.filling(what)
+        if wound is not None:
+            return wound.program()
         if self.program and self.pitch:
             raise LayProgramError("give program or pitch, not both")
         if self.program:
@@ -54,6 +59,10 @@ class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
             )
         return program
 
+    def filling(self, what: ResolvedCondition) -> WoundDrum | None:
+        """Return the drum as it is to be filled; None where it is not said how."""
+        return self.wind(what.case, self.pitch or None) if self.filled else None
+
     def new_controller(self) -> LayController:
         """Return the controller of a run.
 
@@ -68,4 +77,5 @@ class LayControlParameters(ControlParameters, LayWish, MachineAxes, Condition):
             markers=program.markers if self.brake else {},
             mode=ControlMode[self.control.upper()],
             solver_patience=self.solver_patience,
+            wound=self.filling(what),
         )

@@ -115,6 +115,9 @@ def meaning(config: RunConfig) -> Iterator[tuple[str, str]]:
         machine = f"external, begins by {spec.machine.start}, ends after {turns:.2f} turns"
     yield "machine", f"{machine}; {'with' if spec.camera.camera else 'without'} a camera"
     yield "lay", f"wanted, control {spec.lay.control}" if spec.controlled else "no lay is wanted"
+    wound = spec.wound_drum
+    if wound is not None:
+        yield "drum", f"{len(wound.layers)} {wound.winding} layers, {wound.turns:.2f} turns"
     yield "nodes", ", ".join(node.name for node in config.graph)
     yield "graph", f"namespace /{spec.graph.namespace}, DDS domain {chosen_domain(spec.domain)}"
     yield "recorded", f"every topic into {recording.bag}" if recording.bag else "nothing"

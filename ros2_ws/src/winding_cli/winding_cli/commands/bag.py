@@ -324,6 +324,7 @@ def write_recorded_report(
     from winding_cli.run.outcome import asked_extent
     from winding_cli.run.record import run_record
     from winding_core.cable.condition import Condition
+    from winding_core.lay.drum_parameters import DrumParameters
     from winding_core.parameters import declared_in
     from winding_core.run_options import LayWish
     from winding_core.run_outcome import Cause, EndedBy, Ending
@@ -334,7 +335,8 @@ def write_recorded_report(
 
     run = recorded_run(source)
     condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
-    wish: Any = declared_in(LayWish, run.parameters.get(topics.LAY_CONTROL, {}))
+    control = run.parameters.get(topics.LAY_CONTROL, {})
+    wish: Any = declared_in(LayWish, control) | declared_in(DrumParameters, control)
     cause = None
     if run.ended:
         cause = Cause(by=EndedBy.UNKNOWN, source=source.name, text=run.ended)

@@ -26,7 +26,7 @@ from winding_cli.terminal.output_path import (
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE
-from winding_study.plans.drum_plan import DrumParameters, drum_record
+from winding_study.plans.drum_plan import DrumPlanParameters, drum_record
 from winding_study.plans.plan_parameters import PlanParameters
 from winding_study.run_parameters import RunParameters
 
@@ -46,7 +46,7 @@ STARTS = ("first", "together")
 _FIRST, _LATER = 0.02 * FULL_TURN, 0.01 * FULL_TURN
 
 
-@with_options(RunParameters, PlanParameters, DrumParameters)
+@with_options(RunParameters, PlanParameters, DrumPlanParameters)
 def plan(
     typed: Typed,
     typed_limits: Typed,
@@ -117,26 +117,30 @@ def plan(
     laid: SolverLay | None = None
     with refused(ValueError), refused(SolverError, code=FAILED):
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
-        drum = DrumParameters.from_typed(typed_drum, spelling=spelled)
+        what = parameters.resolved(spelled)
+        on_drum = DrumPlanParameters.from_options(typed_drum, spelling=spelled)
+        drum = on_drum.drum(what.case)
+        programmed = program is not None or even or turns is not None or markers_every_turn
+        filled = drum is not None and (on_drum.filled or not programmed)
         solver = drum is None if solver is None else solver
         if solver and parameters.element != "rod":
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
-        what = parameters.resolved(spelled)
         limits = PlanParameters.from_typed(typed_limits, spelling=spelled).limits()
-        config = parameters.config_of(what)
+        config = replace(parameters.config_of(what), drum=drum)
         wound: WoundDrum | None = None
-        if drum is None:
-            wanted = _wanted(program, what, even, pitch_mm, turns, markers_every_turn)
-        else:
-            if program is not None or even or turns is not None or markers_every_turn:
+        if filled:
+            if programmed:
                 refuse(
                     "a drum has a program of its own: leave out the file, --even, --turns and "
-                    "--markers-every-turn"
+                    "--markers-every-turn, or --layers and --length-m"
                 )
-            what = drum.paced(what)
-            wound = drum.wind(what, None if pitch_mm is None else pitch_mm * MILLIMETRE)
-            wanted = drum.program(wound, what, limits)
-            config = replace(config, drum=wound.drum)
+            what = on_drum.paced(what)
+            wound = on_drum.wind(what.case, None if pitch_mm is None else pitch_mm * MILLIMETRE)
+            wanted = on_drum.program(wound, what, limits)
+        else:
+            wanted = _wanted(program, what, even, pitch_mm, turns, markers_every_turn)
+            if drum is not None:
+                drum.refuse_beyond(wanted.theta, wanted.z, what.case.cable_diameter)
         plan_with = functools.partial(
             plan_lay,
             wanted,
@@ -154,14 +158,14 @@ def plan(
         else:
             planned = plan_with()
         controlled = _controlled(planned)
-    filled = None if wound is None else drum_record(planned, wound)
-    print_plan(result_console(), planned, laid, controlled, filled)
+    drum_as_planned = None if wound is None else drum_record(planned, wound)
+    print_plan(result_console(), planned, laid, controlled, drum_as_planned)
     missed = verdict(planned, laid, tolerance_mm)
     record = plan_record(planned)
     record |= {
         "solver": solver_record(laid),
         "under_control": control_record(controlled),
-        "drum": filled,
+        "drum": drum_as_planned,
         "tolerance_mm": tolerance_mm,
         "missed": missed,
     }

@@ -12,6 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.terminal.output_path import (
     STANDARD_OUTPUT,
@@ -28,6 +30,10 @@ from winding_core.run_spec import RunSpec
 if TYPE_CHECKING:
     from winding_supervisor.machines.external_machine import ExternalMachineConfig
     from winding_supervisor.session.run_config import RunConfig
+
+
+# Places of a run's motion at which it is held against the drum.
+_SAMPLES = 20_001
 
 
 def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
@@ -66,6 +72,7 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
         with spec.source.at("lay"):
             build(parameters_of(RIG), {"lay": spec.simulated_lay}, owner="winding run")
         lead_of(spec)
+    _check_drum(spec)
     page = _page_parameters(spec) if spec.page.dashboard else None
     _check_camera(spec)
     label = f"case{what.case.number:02d}" if what.case.number else "own"
@@ -114,7 +121,7 @@ def lead_of(spec: RunSpec) -> float:
 
     if not spec.controlled:
         return 0.0
-    values = {**asdict(spec.condition), **spec.asked("lay")}
+    values = {**asdict(spec.condition), **spec.wish}
     wish = build(LayControlParameters, values, owner="winding run")
     try:
         controller = wish.new_controller()
@@ -124,6 +131,25 @@ def lead_of(spec: RunSpec) -> float:
         spec.source.refuse("lay:", error)
     what = spec.condition.resolved()
     return controller.wanted.at(0.0).slope * what.free_length / what.case.centreline_radius
+
+
+def _check_drum(spec: RunSpec) -> None:
+    """Refuse a motion that would lay cable beside the drum; that of a real machine is its own."""
+    from lay_control_node.planning.guide_path import lay_of
+    from lay_control_node.ros.parameters import LayControlParameters
+
+    what = spec.condition.resolved()
+    drum, driving = spec.drum.drum(what.case), spec.controlled and spec.lay.control == "drive"
+    if drum is None or (spec.external and not driving):
+        return
+    theta, guide = what.drive.positions(np.linspace(0.0, what.duration, _SAMPLES))
+    z = lay_of(theta, guide, what.free_length / what.case.centreline_radius)
+    if driving:
+        values = {**asdict(spec.condition), **spec.wish}
+        program = build(LayControlParameters, values, owner="winding run").wanted(what)
+        z = program.z_at(theta)
+    with spec.source.at("drum:"):
+        drum.refuse_beyond(theta, z, what.case.cable_diameter)
 
 
 def _check_camera(spec: RunSpec) -> None:

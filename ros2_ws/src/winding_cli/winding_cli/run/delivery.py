@@ -102,7 +102,7 @@ class RunDelivery:
         record = run_record(
             condition,
             result,
-            spec.asked("lay"),
+            spec.wish,
             result.limits or spec.limits,
             asked=asked,
             parameters=parameters,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import partial
 
 import numpy as np
@@ -11,10 +12,18 @@ import numpy as np
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
-from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, LayRecords, cable_lay
+from winding_core.lay.layers import WoundDrum
+from winding_core.lay.records import (
+    LAY_CONTROL_DTYPE,
+    LAY_DTYPE,
+    LayControlRecords,
+    LayRecords,
+    cable_lay,
+)
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.parameters import Value, build
 from winding_recorder.live.run_buffer import RunBuffer
+from winding_reports.records.drum_outcome import drum_outcome
 from winding_reports.records.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
 from winding_reports.records.run_record import MarkerSeries, WoundCable
 from winding_ros import topics
@@ -31,6 +40,7 @@ def recorded_outcome(
     tracked: MarkerSeries,
     wish: Mapping[str, Value],
     tolerance: float,
+    status: Mapping[str, str],
 ) -> LayOutcome | None:
     """Return what became of a run's lay; None for a run without a controller of it.
 
@@ -40,22 +50,44 @@ def recorded_outcome(
         tracked: Markers of the camera.
         wish: Parameters of the wanted lay.
         tolerance: For every turn after the second [m].
+        status: Values of the controller's last diagnostics.
     """
     control = [records for _, records in buffer.clouds(topics.LAY_CONTROL_STATE, LAY_CONTROL_DTYPE)]
     if not control:
         return None
     what = condition.resolved()
     radius = what.case.centreline_radius
+    wanted = _wanted(condition, wish)
+    wound = None if wanted is None else wanted.filling(what)
+    states = np.concatenate(control)
+    places = _last_lay(buffer) if wound is None else _every_place(buffer, wound, states)
     run = LaidRun(
-        control=np.concatenate(control),
-        places=_last_lay(buffer),
+        control=states,
+        places=places,
         predicted=_predicted(buffer, radius),
         ahead=_ahead(buffer),
         landed={
             int(number): float(tracked.of(number).theta.mean()) for number in np.unique(tracked.id)
         },
     )
-    return lay_outcome(run, what, tolerance=tolerance, markers=_markers(condition, wish))
+    markers = {} if wanted is None else wanted.wanted(what).markers
+    outcome = lay_outcome(run, what, tolerance=tolerance, markers=markers)
+    if wound is None:
+        return outcome
+    faults = json.loads(status.get("layer_faults", "[]"))
+    return replace(outcome, drum=drum_outcome(wound, run.control, places, faults))
+
+
+def _every_place(buffer: RunBuffer, wound: WoundDrum, states: LayControlRecords) -> LayRecords:
+    """Return each place as it was measured last: later layers hide those below."""
+    theta, first = np.unique(states["theta"], return_index=True)
+    newest: dict[float, LayRecords] = {}
+    for _, places in buffer.clouds(topics.TRACKED_LAY, LAY_DTYPE):
+        landed = np.interp(places["theta"], theta, states["z"][first])
+        for place in wound.in_place(places, landed):
+            newest[float(place["theta"])] = place
+    found: LayRecords = np.array(list(newest.values()), dtype=LAY_DTYPE)
+    return found
 
 
 def _last_lay(buffer: RunBuffer) -> LayRecords:
@@ -92,13 +124,14 @@ def _ahead(buffer: RunBuffer) -> LaidLine:
     return LaidLine(theta=wound["theta"][order].astype(float), z=wound["z"][order].astype(float))
 
 
-def _markers(condition: Condition, wish: Mapping[str, Value]) -> Mapping[int, float]:
-    """Return where markers were wanted; an operator may have wound what has no such program."""
+def _wanted(condition: Condition, wish: Mapping[str, Value]) -> LayControlParameters | None:
+    """Return what was wanted; None where an operator has wound what has no such program."""
     try:
         wanted = build(LayControlParameters, {**asdict(condition), **wish}, owner="the run")
-        return wanted.wanted(condition.resolved()).markers
+        wanted.wanted(condition.resolved())
     except ValueError:
-        return {}
+        return None
+    return wanted
 
 
 def last_cable(buffer: RunBuffer, case: Case) -> WoundCable | None:

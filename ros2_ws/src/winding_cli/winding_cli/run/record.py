@@ -113,7 +113,8 @@ def run_record(
     # A simulated machine may lay the cable where the paper's experiment measured it, which is the
     # measure of its lengths then.
     laid_as_published = rig.get("lay") == "paper"
-    lay = recorded_outcome(buffer, condition, tracked, wish, limits.lay_tolerance)
+    controller = _last_status(buffer, topics.LAY_CONTROL)
+    lay = recorded_outcome(buffer, condition, tracked, wish, limits.lay_tolerance, controller)
     published_lay = case.is_published and lay is None and laid_as_published
     rows = tuple(
         MarkerRow(

@@ -30,8 +30,8 @@ PANEL_OF_RECORD = {
     "LayTolerance": "Wanted lay",
     "ErrorLimit": "What is written",
     "PlanParameters": "Limits of the machine",
-    "DrumParameters": "Drum",
     "RigPriorParameters": "Rig, as known before",
+    "DrumPlanParameters": "Drum",
 }
 
 

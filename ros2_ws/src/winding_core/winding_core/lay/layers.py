@@ -6,9 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from winding_core.lay.program import LayProgram
+from winding_core.lay.records import LayRecords
 from winding_core.machine.drum import Drum, DrumError
 from winding_core.units import MILLIMETRE
 
@@ -19,8 +20,25 @@ FULL_TURN = 2.0 * math.pi
 # layer would lie on the next but one below; crossing cable falls between wider turns before.
 WIDEST_PITCH = {"orthocyclic": 1.7, "parallel": 1.7, "cross": 1.3}
 WINDINGS = tuple(WIDEST_PITCH)
+# Cable that is seen so much of a diameter off its layer's height lies in none or in another.
+HEIGHT_TOLERANCE = 0.3
+# On upper layers a place that is so many pitches from where the cable landed is another turn's.
+ANOTHER_TURN = 1.5
 # A pitch of one diameter may miss it by a rounding.
 ROUNDING = 1.0e-9
+
+
+def contact_height(cable_diameter: float, beside: ArrayLike) -> Array:
+    """Return by how much cable lies above cable that it touches, so far beside it [m].
+
+    sqrt(d^2 - u^2), nan for cable that does not touch.
+
+    Args:
+        cable_diameter: d [m].
+        beside: u, distance of the centre lines along the axis [m], any shape.
+    """
+    room = cable_diameter**2 - np.asarray(beside, dtype=float) ** 2
+    return np.sqrt(np.where(room >= 0.0, room, np.nan))
 
 
 def layer_rise(winding: str, cable_diameter: float, pitch: float) -> float:
@@ -53,7 +71,7 @@ def layer_rise(winding: str, cable_diameter: float, pitch: float) -> float:
             f"{d / MILLIMETRE:.4g} mm fall between the turns below: wind them no wider than "
             f"{widest:g} diameters, {widest * d / MILLIMETRE:.4g} mm"
         )
-    valley = math.sqrt(d**2 - 0.25 * p**2)
+    valley = float(contact_height(d, 0.5 * p))
     if winding == "cross":
         return 0.5 * valley + d**2 / p * math.asin(0.5 * p / d)
     return valley
@@ -110,6 +128,21 @@ class WoundDrum:
     def filled_diameter(self) -> float:
         """Over the outermost layer [m]."""
         return 2.0 * self.layers[-1].radius + self.cable_diameter
+
+    def in_place(self, places: LayRecords, landed: Array) -> LayRecords:
+        """Return the places of a measured lay that were seen as high as their layer lies.
+
+        On cable a place that is far from where the cable landed is one of another turn.
+
+        Args:
+            places: LAY_DTYPE, shape (n,).
+            landed: Where the cable landed at their wound angles [m], shape (n,).
+        """
+        raised = self.program().raised_at(places["theta"])
+        level = np.abs(places["lift"] - raised) < HEIGHT_TOLERANCE * self.cable_diameter
+        near = np.abs(places["z"] - landed) < ANOTHER_TURN * self.pitch
+        seen: LayRecords = places[level & ((raised == 0.0) | near)]
+        return seen
 
     def mass(self, per_length: float | Array) -> float:
         """Return the mass of the cable [kg].

@@ -5,7 +5,15 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from winding_core.units import MILLIMETRE
+
+Array = NDArray[np.float64]
+
+# Places that lie against a flange may miss it by a rounding [m].
+_ROUNDING = 1.0e-6
 
 # Flange at which winding begins -> sign of z from there on.
 START_SIDES = {"low": 1.0, "high": -1.0}
@@ -47,6 +55,33 @@ class Drum:
         """Return least and largest z of the centre line of a cable of a diameter [m] on it [m]."""
         far = self.sign * (self.width - cable_diameter)
         return min(far, 0.0), max(far, 0.0)
+
+    def refuse_beyond(self, theta: Array, z: Array, cable_diameter: float) -> None:
+        """Refuse cable that would lie beside the drum.
+
+        Args:
+            theta: Wound angles [rad], shape (n,).
+            z: Where the centre line is laid there [m], shape (n,).
+            cable_diameter: [m]
+
+        Raises:
+            DrumError: A place is beyond a flange.
+        """
+        low, high = self.centre_lines(cable_diameter)
+        beyond = np.flatnonzero((z < low - _ROUNDING) | (z > high + _ROUNDING))
+        if beyond.size:
+            after = int(beyond[0])
+            before = max(after - 1, 0)
+            limit = min(max(float(z[after]), low), high)
+            share = (limit - z[before]) / (z[after] - z[before] or 1.0)
+            passed = theta[before] + share * (theta[after] - theta[before])
+            farthest = z[np.argmax(np.maximum(low - z, z - high))]
+            raise DrumError(
+                f"the cable would leave the drum after {passed / math.tau:.4g} turns and come to "
+                f"z = {farthest / MILLIMETRE:.4g} mm: between flanges "
+                f"{self.width / MILLIMETRE:.4g} mm apart it lies from {low / MILLIMETRE:.4g} to "
+                f"{high / MILLIMETRE:.4g} mm"
+            )
 
     @property
     def sign(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from winding_core.lay.records import ControlBasis, ControlMode
 from winding_dashboard.page.cell import DASH, millimetres
@@ -51,6 +52,19 @@ def beliefs(control: ControlState) -> dict[str, str]:
         "Share of the pull": f"{newest['load_share']:.3f} ± {newest['sigma_load_share']:.3f}",
         "Guide": f"{would}{millimetres(newest['guide'], 1)} mm",
         "Pull": f"{would}{newest['pull']:.2f} N" if math.isfinite(newest["pull"]) else "not set",
+        **_layers(control.values),
+    }
+
+
+def _layers(values: Mapping[str, str]) -> dict[str, str]:
+    """Return where on a drum the cable lands, and what was found last; nothing without one."""
+    if "layer" not in values:
+        return {}
+    turn, share = values["turn_of_layer"], 100.0 * float(values["measured_share_of_layer"])
+    seen = f"{share:.0f} % measured" if math.isfinite(share) else "nothing measured"
+    return {
+        "Layer": f"{values['layer']}, turn {turn}, {seen}",
+        "Found": values["newest_layer_fault"] or "no gap, climb or missing edge turn",
     }
 
 

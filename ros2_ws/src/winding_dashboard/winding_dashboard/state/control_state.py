@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -28,6 +28,7 @@ class ControlState:
         newest: Its last record, of LAY_CONTROL_DTYPE; None before any.
         time: Of that [s]; nan before any.
         mode: What it does; None before it is known.
+        values: Of its last status, by name.
     """
 
     def __init__(self) -> None:
@@ -37,6 +38,7 @@ class ControlState:
     def clear(self) -> None:
         """Forget the run; the mode stays as it was switched."""
         self.newest: np.void | None = None
+        self.values: Mapping[str, str] = {}
         self.time = NAN
         self._wanted: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)
         self._line: WantedLine | None = None
@@ -69,6 +71,7 @@ class ControlState:
         """Take its mode from /diagnostics: a machine that stands has no new records."""
         for status in statuses:
             if node_of(status.name) == LAY_CONTROL and ":" not in status.name:
+                self.values = status.values
                 name = status.values.get("mode", "").upper()
                 self.mode = ControlMode.__members__.get(name, self.mode)
 

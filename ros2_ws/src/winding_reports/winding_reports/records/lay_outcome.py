@@ -62,6 +62,7 @@ class LayOutcome:
             along the wanted lay itself, which for an even helix is the paper's constant feed.
         ahead: The solver's markers before the run, under the drive programme; empty where
             another lay was wanted.
+        drum: How a drum was filled, see `drum_outcome`; None on a bare cylinder.
         basis_shares: Share of the run that commands rested on each basis.
     """
 
@@ -82,6 +83,7 @@ class LayOutcome:
     basis_shares: Mapping[ControlBasis, float]
     limited_share: float  # Share of the run in which a bound of the carriage held the guide
     drive_share: float  # Share of the run in which the controller commanded the machine
+    drum: Mapping[str, Any] | None = None
 
     @property
     def drove(self) -> bool:
@@ -236,6 +238,7 @@ def outcome_json(lay: LayOutcome) -> dict[str, Any]:
         "basis_shares": {basis.name.lower(): share for basis, share in lay.basis_shares.items()},
         "limited_share": lay.limited_share,
         "drive_share": lay.drive_share,
+        **({} if lay.drum is None else {"drum": dict(lay.drum)}),
     }
 
 

@@ -180,48 +180,58 @@ class _Point(NamedTuple):
 
 
 class GrowingPath:
-    """Axial position of the cable wound so far, piecewise linear in the wound angle.
+    """Axial position and height of the cable wound so far, piecewise linear in the wound angle.
 
     It belongs to one thread. Beyond its ends it is level, as a `CablePath`.
+
+    Args:
+        lifted: Whether cable may lie on cable.
 
     Attributes:
         table: Its points with the bounds of blocks, for the renderer; until the next change.
     """
 
-    def __init__(self) -> None:
-        self._points = np.zeros((2, _ROOM))
+    def __init__(self, *, lifted: bool = False) -> None:
+        # Rows: wound angle [rad], axial position [m], lift [m].
+        self._points = np.zeros((3, _ROOM))
+        self._lifted = lifted
         self._first = np.zeros(_ROOM, dtype=np.int64)
         self._bounds = np.zeros((2, _ROOM))
-        self._lift = np.zeros(0)
         self._count = 0
         self._shape = 0, 0
         self._start = 0.0
         self._last: _Point | None = None
 
-    def grow(self, kept: int, theta: FloatArray, z: FloatArray) -> None:
+    def grow(
+        self, kept: int, theta: FloatArray, z: FloatArray, lift: FloatArray | None = None
+    ) -> None:
         """Forget the points after the first so many, and go on with others.
 
         Args:
             kept: How many points stay.
             theta: Wound angles of those that follow, ascending [rad], shape (n,).
             z: Axial positions there [m], shape (n,).
+            lift: Heights above cable on the cylinder there [m], shape (n,); None for none.
 
         Raises:
             ValueError: There are not so many points.
         """
         if kept != self._count:
             self._take_back(kept)
+        first = self._count
         for point in zip(theta.tolist(), z.tolist(), strict=True):
             self._last = self._put(self._count, *point)
             self._count += 1
+        self._points[2, first : self._count] = 0.0 if lift is None else lift
 
-    def end(self, theta: float, z: float, slope: float) -> None:
+    def end(self, theta: float, z: float, slope: float, lift: float = 0.0) -> None:
         """Have it end at the contact line, in place of where it ended before.
 
         Args:
             theta: Wound angle there, at or after the last point [rad].
             z: Axial position there [m].
             slope: Rise there, dz/dtheta [m/rad].
+            lift: Height above cable on the cylinder there [m].
         """
         last = self._last
         if last is not None and theta - last.theta > _CLOSE:
@@ -231,6 +241,7 @@ class GrowingPath:
             self.grow(0, np.array([theta]), np.array([z]))
             last = self._last
         ahead = self._put(self._count, theta + _AHEAD, z + _AHEAD * slope)
+        self._points[2, self._count] = lift
         self._last = last
         if (self._count + 1, ahead.block + 1) != self._shape:
             self._tabulate(self._count + 1, ahead.block + 1)
@@ -240,8 +251,10 @@ class GrowingPath:
         return np.asarray(np.interp(theta, self.table.theta, self.table.z), dtype=float)
 
     def lifted(self, theta: FloatArray) -> FloatArray:
-        """Return the lift [m] at wound angles [rad], of their shape: none."""
-        return np.zeros(np.shape(theta))
+        """Return the lift [m] at wound angles [rad], of their shape."""
+        if not self._lifted:
+            return np.zeros(np.shape(theta))
+        return np.asarray(np.interp(theta, self.table.theta, self.table.lift), dtype=float)
 
     def _tabulate(self, size: int, blocks: int) -> None:
         self._shape = size, blocks
@@ -251,7 +264,7 @@ class GrowingPath:
         self.table = PathTable(
             points[0],
             points[1],
-            self._lift,
+            points[2] if self._lifted else points[2, :0],
             self._first[: blocks + 1],
             self._bounds[0, :blocks],
             self._bounds[1, :blocks],
@@ -262,7 +275,7 @@ class GrowingPath:
             raise ValueError(f"a path of {self._count} points cannot keep {kept}")
         self._count, self._last = kept, None
         if kept > 0:
-            theta, z = self._points[:, kept - 1].tolist()
+            theta, z, _ = self._points[:, kept - 1].tolist()
             block = int((theta - self._start) / BLOCK_ANGLE)
             # Bounds of what was there before hold for less, too.
             self._last = _Point(theta, z, block, *self._bounds[:, block].tolist())

@@ -59,10 +59,11 @@ class GrowingLay:
 
     Args:
         first: Its first view.
+        lifted: Whether cable may lie on cable.
     """
 
-    def __init__(self, first: LayView) -> None:
-        self._path = GrowingPath()
+    def __init__(self, first: LayView, *, lifted: bool = False) -> None:
+        self._path = GrowingPath(lifted=lifted)
         self._seen = self._after(first)
 
     def at(self, carriage: float, view: LayView | None) -> SeenLay:
@@ -72,8 +73,8 @@ class GrowingLay:
         return self._seen
 
     def _after(self, view: LayView) -> SeenLay:
-        self._path.grow(*view.growth)
-        self._path.end(view.theta, view.z, view.slope)
+        self._path.grow(*view.growth, view.lift if view.lift.size else None)
+        self._path.end(view.theta, view.z, view.slope, view.landing_lift)
         return SeenLay(
             path=self._path,
             marker_theta=view.marker_theta,

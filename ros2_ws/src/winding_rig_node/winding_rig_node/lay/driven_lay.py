@@ -9,6 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from winding_core.cable.cases import Case
+from winding_core.helix import free_length_of, guide_distance_of
+from winding_core.machine.drum import Drum
+from winding_rig_node.lay.laid_turns import LaidTurns
 from winding_rig_node.lay.lay_law import LaidPath, LaidPoint, LayTruth, LayView
 from winding_rig_node.lay.lay_on import (
     GRID_STEP,
@@ -22,14 +25,14 @@ from winding_rig_node.lay.lay_on import (
 FloatArray = NDArray[np.float64]
 
 
-def drawn_lay(case: Case, rng: np.random.Generator) -> DrivenLay:
-    """Return the lay of a case on a rig that is drawn.
+def drawn_lay(case: Case, rng: np.random.Generator, drum: Drum | None = None) -> DrivenLay:
+    """Return the lay of a case on a rig that is drawn, between the flanges of a drum if any.
 
     Raises:
         ValueError: The cable's stress fades.
     """
     case.material.refuse_fading("lay 'driven'")
-    return DrivenLay(case, HiddenRig.drawn(rng))
+    return DrivenLay(case, HiddenRig.drawn(rng), drum)
 
 
 class DrivenLay:
@@ -51,9 +54,14 @@ class DrivenLay:
     length and markers beyond the contact line are forgotten, and what is wound from there on is
     laid anew. Behind P0 the cable is clamped: there nothing is laid either.
 
+    On a drum cable comes to rest on what lies there (`LaidTurns`), and its radius rho with it: the
+    guide keeps its distance from the axis, so the span of the next step is sqrt(distance^2 - rho^2)
+    long. What pushes cable aside where it lies does not move the end of the span.
+
     Args:
         case: What is wound.
         hidden: What the rig does to it.
+        drum: Between whose flanges it is wound; None for a cylinder without ends.
 
     Attributes:
         case: What is wound.
@@ -63,9 +71,11 @@ class DrivenLay:
             nan for those that have not landed.
     """
 
-    def __init__(self, case: Case, hidden: HiddenRig) -> None:
+    def __init__(self, case: Case, hidden: HiddenRig, drum: Drum | None = None) -> None:
         self.case = case
         self.hidden = hidden
+        self._turns = None if drum is None else LaidTurns(drum, case)
+        self._distance = guide_distance_of(hidden.free_length, case.centreline_radius)
         self._cable = cable_of(case, hidden)
         self.restart()
 
@@ -75,7 +85,10 @@ class DrivenLay:
         self.marker_theta = np.full(self.case.marker_count + 1, math.nan)
         self.marker_theta[0] = 0.0
         self._contact = contact_at_start()
-        self._angle = self._carriage = 0.0
+        self._angle = self._carriage = self._aside = 0.0
+        if self._turns is not None:
+            self._turns.restart()
+            self._lie_at(self.case.centreline_radius)
 
     @property
     def wound_angle(self) -> float:
@@ -90,7 +103,7 @@ class DrivenLay:
     @property
     def z(self) -> float:
         """Axial position of the cable at the contact line [m]."""
-        return float(self._contact["z"][0])
+        return float(self._contact["z"][0]) + self._aside
 
     @property
     def length(self) -> float:
@@ -120,6 +133,7 @@ class DrivenLay:
             self._take_back(angle)
         self._angle, self._carriage = angle, carriage
         if lay_on(self._contact, self._cable, self.marker_theta, angle, carriage, pull):
+            self._come_to_rest()
             self.path.append(angle, self.z, self.length)
 
     def z_at(self, theta: ArrayLike) -> FloatArray:
@@ -132,15 +146,22 @@ class DrivenLay:
 
     def view(self) -> LayView:
         """Return the lay as it is, by what has changed since the last view."""
-        contact = self.contact
+        contact, growth = self.contact, self.path.growth()
+        lift, landing_lift = growth.theta[:0], 0.0
+        if self._turns is not None:
+            bare = self.case.centreline_radius
+            lift = self._turns.radius[growth.kept :] - bare
+            landing_lift = self._turns.last.radius - bare
         return LayView(
-            growth=self.path.growth(),
+            growth=growth,
             theta=self.wound_angle,
-            z=contact.z,
+            z=self.z,
             slope=contact.slope,
             eye=contact.eye,
-            free_length=self.hidden.free_length,
+            free_length=self._free_length,
             marker_theta=self._shown(contact),
+            lift=lift,
+            landing_lift=landing_lift,
         )
 
     def renew_view(self) -> None:
@@ -149,7 +170,38 @@ class DrivenLay:
 
     def truth(self, turned: float) -> LayTruth:
         """Return where the cable lies, up to its own contact line, and what the rig did to it."""
-        return self.path.truth(self._end, self.marker_theta, asdict(self.hidden))
+        truth = self.path.truth(self._end, self.marker_theta, asdict(self.hidden))
+        if self._turns is None:
+            return truth
+        last = self._turns.last
+        return truth._replace(
+            radius=np.append(self._turns.radius, last.radius),
+            layer=np.append(self._turns.layer, last.layer),
+        )
+
+    def _come_to_rest(self) -> None:
+        """Have the point that is to be kept lie on what is below it."""
+        if self._turns is None:
+            return
+        contact = self._contact
+        led = float(contact["z"][0])
+        held = self._turns.within(led)
+        if held != led:
+            # Against a flange the span ends where the cable does.
+            contact["z"], contact["slope"] = held, 0.0
+        rest = self._turns.append(self._angle, held)
+        self._aside = rest.z - held
+        self._lie_at(rest.radius)
+
+    def _lie_at(self, radius: float) -> None:
+        """Have what is laid next lie at a radius [m]."""
+        self._cable["rho"] = radius
+        self._cable["free_length"] = free_length_of(self._distance, radius)
+
+    @property
+    def _free_length(self) -> float:
+        """Tangent span between the contact line and the eye now [m]."""
+        return float(self._cable["free_length"][0])
 
     @property
     def _end(self) -> LaidPoint:
@@ -159,8 +211,8 @@ class DrivenLay:
         shown = self.marker_theta.copy()
         if contact.next == shown.size:
             return shown
-        span, wound = self.hidden.free_length, self.wound_angle
-        along = contact.span_stretch * span / math.hypot(span, contact.eye - contact.z)
+        span, wound = self._free_length, self.wound_angle
+        along = contact.span_stretch * span / math.hypot(span, contact.eye - self.z)
         for n in range(int(contact.next), shown.size):
             way = along * (n * self.case.marker_spacing - contact.length)
             if way > span:
@@ -195,3 +247,7 @@ class DrivenLay:
         self.marker_theta[self.marker_theta > end] = math.nan
         contact["next"] = np.isfinite(self.marker_theta).sum()
         contact["last"] = before[0]
+        self._aside = 0.0
+        if self._turns is not None:
+            self._turns.take_back(path.theta.size)
+            self._lie_at(self._turns.last.radius)

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from winding_core.cable.cases import Case
+from winding_core.machine.drum import Drum
 
 FloatArray = NDArray[np.float64]
 
-# Laws that follow the motion of both axes: name -> module and function of a case and a generator.
+# Laws that follow the motion of both axes: name -> module and function of case, generator and drum.
 # Named rather than imported: whoever reads the parameters compiles no kernel.
 MOTION_LAYS: Mapping[str, str] = {
     "driven": "winding_rig_node.lay.driven_lay:drawn_lay",
@@ -51,6 +52,9 @@ class LayView(NamedTuple):
     eye: float  # Where the eye of the guide stands [m]
     free_length: float  # Tangent span between the contact line and the eye, across the axis [m]
     marker_theta: FloatArray
+    # Heights of the growth's points above cable on the bare cylinder [m], shape (n,); (0,) for none
+    lift: FloatArray = _NOTHING
+    landing_lift: float = 0.0  # Height above it at the contact line [m]
 
 
 class LayTruth(NamedTuple):
@@ -60,6 +64,8 @@ class LayTruth(NamedTuple):
         length: Undeformed length from P0 to there [m], shape (n,); (0,) where it is unknown.
         marker_theta: Wound angles of the markers [rad], shape (m,); nan for one that has not
             landed.
+        radius: Of the centre line there [m], shape (n,); (0,) on a bare cylinder.
+        layer: Counted from 1 on the drum, shape (n,); (0,) on a bare cylinder.
     """
 
     hidden: Mapping[str, float]  # Hidden properties of the rig by name; empty where there are none
@@ -69,6 +75,8 @@ class LayTruth(NamedTuple):
     length: FloatArray
     marker_theta: FloatArray
     marker_z: FloatArray  # Axial positions there [m], shape (m,)
+    radius: FloatArray = _NOTHING
+    layer: NDArray[np.int64] = np.empty(0, dtype=np.int64)
 
 
 class MotionLay(Protocol):
@@ -101,22 +109,25 @@ class MotionLay(Protocol):
         ...
 
 
-def motion_lay(name: str, case: Case, rng: np.random.Generator) -> MotionLay:
+def motion_lay(
+    name: str, case: Case, rng: np.random.Generator, drum: Drum | None = None
+) -> MotionLay:
     """Return a new lay of a law of `MOTION_LAYS`.
 
     Args:
         name: Of the law.
         case: What is wound.
         rng: Draws hidden properties of the rig.
+        drum: Between whose flanges; None for a bare cylinder.
 
     Raises:
         KeyError: There is no such law.
         ValueError: The law cannot wind the case.
     """
     module, _, function = MOTION_LAYS[name].partition(":")
-    make: Callable[[Case, np.random.Generator], MotionLay]
+    make: Callable[[Case, np.random.Generator, Drum | None], MotionLay]
     make = getattr(importlib.import_module(module), function)
-    return make(case, rng)
+    return make(case, rng, drum)
 
 
 class LaidPoint(NamedTuple):

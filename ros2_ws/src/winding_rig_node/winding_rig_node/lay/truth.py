@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.lay.layers import FULL_TURN
 from winding_rig_node.lay.lay_law import LayTruth
 
 FloatArray = NDArray[np.float64]
@@ -20,7 +21,8 @@ def truth_record(truth: LayTruth) -> dict[str, Any]:
 
     Keys: `hidden` (what `HiddenRig` holds; empty for a lay that is known ahead), `wound_angle`
     [rad], `path` (`theta` [rad], `z` [m], `length` [m], the last one empty for a lay that is
-    known ahead) and `markers` (`theta` [rad], `z` [m], null for those that have not landed).
+    known ahead; on a drum `radius` [m], `layer` from 1 on the drum and `turn` from 1 at P0, empty
+    on a bare cylinder) and `markers` (`theta` [rad], `z` [m], null for those that have not landed).
     """
     return {
         "hidden": dict(truth.hidden),
@@ -29,6 +31,9 @@ def truth_record(truth: LayTruth) -> dict[str, Any]:
             "theta": truth.theta.tolist(),
             "z": truth.z.tolist(),
             "length": truth.length.tolist(),
+            "radius": truth.radius.tolist(),
+            "layer": truth.layer.tolist(),
+            "turn": (truth.theta[: truth.layer.size] // FULL_TURN + 1).astype(int).tolist(),
         },
         "markers": {
             "theta": _numbers(truth.marker_theta),

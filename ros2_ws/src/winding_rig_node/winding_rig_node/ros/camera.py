@@ -82,6 +82,11 @@ class Camera:
         self._wanted = wanted
         self._case: Case = wanted.resolved().case
         self._lay = lay
+        drum, thickness = wanted.drum(self._case), self._case.cable_radius
+        self._ends = Scene.cylinder_ends
+        if drum is not None:
+            low, high = drum.centre_lines(self._case.cable_diameter)
+            self._ends = low - thickness, high + thickness
         self._outputs = outputs
         self._rng = np.random.default_rng([wanted.seed, 1])
         camera = CameraConfig(noise=SensorNoise(read=wanted.camera_noise))
@@ -169,6 +174,7 @@ class Camera:
                 marker_theta=seen.marker_theta,
                 guide_z=seen.guide_z,
                 free_length=seen.free_length,
+                cylinder_ends=self._ends,
                 band_width=self._wanted.band_width,
                 dot_size=self._wanted.dot_size if self._wanted.marker_kind == DOT else 0.0,
                 paint=self._paint,

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from winding_core.cable.condition import Condition
+from winding_core.lay.drum_parameters import DrumShape
 from winding_core.markers import MarkerLook
 from winding_core.parameters import parameter
 from winding_core.run_options import LAY_MEANING, SimulatedCamera, SimulatedMachine
@@ -23,7 +24,7 @@ from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS,
 
 
 @dataclass(frozen=True, kw_only=True)
-class RigParameters(SimulatedCamera, SimulatedMachine, MarkerLook, Condition):
+class RigParameters(SimulatedCamera, SimulatedMachine, MarkerLook, DrumShape, Condition):
     """What is wound, how fast simulated time runs, and what the camera sees."""
 
     lay: str = parameter(PAPER, LAY_MEANING, choices=(PAPER, FEM, *MOTION_LAYS))

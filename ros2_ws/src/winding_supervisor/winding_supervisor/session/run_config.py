@@ -78,7 +78,7 @@ class RunConfig:
     def own_parameters(self, axes: Axes | None = None) -> dict[str, dict[str, object]]:
         """Return what the run itself sets, by node."""
         spec, found = self.spec, {}
-        sections = ("solver", "camera", "tracking", "correction", "lay")
+        sections = ("solver", "camera", "tracking", "correction", "lay", "drum")
         asked = {**(axes or {}), **{k: v for name in sections for k, v in spec.asked(name).items()}}
         condition = spec.condition
         stated = {"case": condition.case, "duration": condition.duration}

@@ -7,7 +7,7 @@ errors that were measured of the real one.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,14 +18,18 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.guide_law import WantedLay
 from lay_control_node.control.lay_controller import Setpoint
+from lay_control_node.control.layer_watch import LayerFault
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.layers import WoundDrum
 from winding_core.lay.records import LAY_DTYPE, ControlMode, LayRecords
 from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
+from winding_core.machine.drum import Drum
 from winding_core.machine.readings import AxisReading
 from winding_core.machine.tension import RigTension
 from winding_core.markers import MARKER_DTYPE, Markers
 from winding_rig_node.lay.driven_lay import DrivenLay
+from winding_rig_node.lay.lay_law import LayTruth
 from winding_rig_node.lay.lay_on import HiddenRig
 from winding_rig_node.machine.commander import CommandLimits
 from winding_rig_node.machine.machine import Machine
@@ -52,10 +56,22 @@ class DrivenTruth:
     Args:
         case: What is wound.
         hidden: What the rig does to it.
+        drum: Between whose flanges it is wound; None for a bare cylinder.
     """
 
-    def __init__(self, case: Case, hidden: HiddenRig) -> None:
-        self._lay = DrivenLay(case, hidden)
+    def __init__(self, case: Case, hidden: HiddenRig, drum: Drum | None = None) -> None:
+        self._lay, self._bare = DrivenLay(case, hidden, drum), case.centreline_radius
+
+    def lay(self) -> LayTruth:
+        """Return where the cable lies."""
+        return self._lay.truth(self._lay.wound_angle)
+
+    def lift_at(self, theta: Array) -> Array:
+        """Return the height above cable on the bare cylinder [m] at wound angles [rad]."""
+        truth = self.lay()
+        if not truth.radius.size:
+            return np.zeros(theta.shape)
+        return np.asarray(np.interp(theta, truth.theta, truth.radius) - self._bare)
 
     def advance(self, t: float, reading: AxisReading, pull: float) -> None:
         """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
@@ -159,11 +175,17 @@ class SimulatedTracker:
         truth: The cable.
         errors: How wrong it is.
         rng: Of the errors.
+        highest: How far above the bare cylinder it still sees cable [m].
     """
 
     def __init__(
-        self, truth: DrivenTruth | RodTruth, errors: CameraErrors, rng: np.random.Generator
+        self,
+        truth: DrivenTruth | RodTruth,
+        errors: CameraErrors,
+        rng: np.random.Generator,
+        highest: float = math.inf,
     ) -> None:
+        self._highest = highest
         self._truth, self._errors, self._rng = truth, errors, rng
         self._common = errors.common_z * rng.standard_normal()
         self._of_markers: dict[int, tuple[float, float]] = {}
@@ -199,7 +221,10 @@ class SimulatedTracker:
         own = self._of_places[numbers % _PLACES]
         records["z"] = self._truth.z_at(records["theta"]) + self._common + own
         records["sigma_z"] = self._errors.lay_z
-        seen: LayRecords = records[np.isfinite(records["z"])]
+        if isinstance(self._truth, DrivenTruth):
+            records["lift"] = self._truth.lift_at(records["theta"])
+        known = np.isfinite(records["z"]) & (records["lift"] <= self._highest)
+        seen: LayRecords = records[known]
         return seen
 
 
@@ -222,6 +247,10 @@ class ClosedRun:
     mode: ControlMode = ControlMode.DRIVE  # DRIVE, or WATCH for the open loop
     errors: CameraErrors = field(default_factory=CameraErrors)  # Of the tracker
     seed: int = 0  # Of the errors
+    drum: WoundDrum | None = None  # As it is to be filled; None for a bare cylinder
+    highest_seen: float = math.inf  # How far above the bare cylinder the tracker sees cable [m]
+    # By how much the eye stands beside its place on the carriage at a cylinder angle [rad] -> [m].
+    displaced: Callable[[float], float] = field(default=lambda _: 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -239,6 +268,8 @@ class ClosedResult:
     error: Array  # z less the wanted z there [m], shape (n,)
     setpoints: tuple[Setpoint, ...]  # What was commanded, or would have been
     carriage: Array  # Carriage position at each setpoint [m]
+    lay: LayTruth | None = None  # Of the driven cable
+    faults: tuple[LayerFault, ...] = ()  # That the controller found
 
     def turn_rms(self) -> Array:
         """Return the root mean square of the error of each complete turn [m]."""
@@ -254,9 +285,9 @@ def wind(run: ClosedRun) -> ClosedResult:
     truth = (
         RodTruth(case, run.hidden, what.friction)
         if run.truth == "rod"
-        else DrivenTruth(case, run.hidden)
+        else DrivenTruth(case, run.hidden, run.drum.drum if run.drum else None)
     )
-    tracker = SimulatedTracker(truth, run.errors, rng)
+    tracker = SimulatedTracker(truth, run.errors, rng, run.highest_seen)
     limits = CommandLimits()
     limits = replace(
         limits,
@@ -268,7 +299,9 @@ def wind(run: ClosedRun) -> ClosedResult:
     machine = Machine(
         MachineConfig(case=case, drive=drive, duration=duration, commands=limits), rng
     )
-    controller = run.control.controller(what, run.wanted, markers=run.markers, mode=run.mode)
+    controller = run.control.controller(
+        what, run.wanted, markers=run.markers, mode=run.mode, wound=run.drum
+    )
     setpoints: list[Setpoint] = []
     carriage: list[float] = []
     machine.start()
@@ -283,7 +316,8 @@ def wind(run: ClosedRun) -> ClosedResult:
             AxisReading(
                 cylinder_angle=state.cylinder.motor.position,
                 angular_speed=state.cylinder.motor.speed,
-                carriage_position=state.carriage.motor.position,
+                carriage_position=state.carriage.motor.position
+                + run.displaced(state.cylinder.motor.position),
                 feed_speed=state.carriage.motor.speed,
             ),
             machine.pull,
@@ -316,6 +350,8 @@ def wind(run: ClosedRun) -> ClosedResult:
         error=z - wanted,
         setpoints=tuple(setpoints),
         carriage=np.array(carriage),
+        lay=truth.lay() if isinstance(truth, DrivenTruth) else None,
+        faults=tuple(controller.watch.faults) if controller.watch else (),
     )
 
 
