@@ -6,6 +6,7 @@ Whoever changes the kernel's arguments changes this file; the floor in C takes t
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,8 +76,18 @@ class RodState:
     @property
     def kernel_state(self) -> KernelState:
         """The nodes and elements as the kernel takes them."""
-        held = (self.tie, self.tie_length)
-        return KernelState(self.nodes, self.state, self.touching, self.cable.below, *held, 0)
+        none = np.zeros((0, self.touching.size))
+        return KernelState(
+            nodes=self.nodes,
+            rows=self.state,
+            touching=self.touching,
+            below=none,
+            room=none,
+            way=math.inf,
+            tie=self.tie,
+            tie_length=self.tie_length,
+            watched=0,
+        )
 
     @property
     def cable(self) -> Points:

@@ -15,7 +15,7 @@ from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
-from cable_fem_node.winding.validity import OverlapError, refuse_crossing
+from cable_fem_node.winding.validity import crossing
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import DriveProfile, TurningDrive
@@ -102,18 +102,21 @@ def test_no_feed_winds_up_to_a_turn() -> None:
     assert run.theta[-1] > 5.5
     # In one plane: nothing pulls it aside.
     assert np.abs(run.z).max() < 1.0e-9
-    with pytest.raises(OverlapError, match="advances 0 mm per turn"):
-        PlannedRun(config=CONFIG, drive=DriveProfile(feed_speed=0.0), duration=4.3)
+    again = PlannedRun(config=CONFIG, drive=DriveProfile(feed_speed=0.0), duration=4.3)
+    assert "the guide advances 0 mm per turn" in again.checks()[-1].sentence
+    with pytest.raises(ValueError, match="turns of the solid pass through each other"):
+        replace(again, element="solid")
 
 
-def test_guide_that_turns_back_is_refused_where_turns_would_overlap() -> None:
+def test_guide_that_turns_back_over_its_turns_is_said_and_lays_cable_on_them() -> None:
     drive = TurningDrive(guide_turns_at=0.02)
-    PlannedRun(config=CONFIG, drive=drive, duration=8.0)
-    with pytest.raises(OverlapError, match=r"the guide turns back: after 2\.\d+ turns"):
-        PlannedRun(config=CONFIG, drive=drive, duration=10.0)
-    # The refused turn is unwound before it is laid.
+    assert not PlannedRun(config=CONFIG, drive=drive, duration=8.0).checks()[-1].warned
+    over = PlannedRun(config=CONFIG, drive=drive, duration=12.0)
+    assert "the guide turns back: after 2." in over.checks()[-1].sentence
+    assert over.wind(whole=False).lies_per_turn()[-1] == "on cable"
+    # What would lie on cable is unwound before it is laid.
     back = TurningDrive(guide_turns_at=0.02, unwinds_from=7.0)
-    PlannedRun(config=CONFIG, drive=back, duration=back.longest)
+    assert not PlannedRun(config=CONFIG, drive=back, duration=back.longest).checks()[-1].warned
 
 
 def test_guide_that_turns_back_lays_no_closer_than_the_check_allows() -> None:
@@ -132,13 +135,12 @@ def test_lay_over_a_turn_that_was_unwound_is_over_bare_cylinder() -> None:
     lag = 2.0
     angle = np.concatenate([up, down, up[350:]])
     retraced = guide * angle
-    refuse_crossing(angle, retraced, lag, WIDTH)
+    assert math.isinf(crossing(angle, retraced, lag, WIDTH)[-1])
     # Wound again with a guide that has gone back further, over the turn that is left.
     crossed = retraced.copy()
     crossed[1700:] = retraced[1700:] - 1.5 * WIDTH
     crossed[1000:1700] = np.linspace(retraced[999], crossed[1700], 700)
-    with pytest.raises(OverlapError, match="from a turn laid before"):
-        refuse_crossing(angle, crossed, lag, WIDTH)
+    assert crossing(angle, crossed, lag, WIDTH)[-1] < WIDTH
 
 
 def test_past_the_start_nothing_can_be_unwound() -> None:

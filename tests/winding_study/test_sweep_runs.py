@@ -14,7 +14,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from cable_fem_node.winding.prediction import PlannedRun
-from cable_fem_node.winding.validity import OverlapError
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import Case, paper_case
 from winding_core.machine.drive import DriveProfile, TurningDrive
@@ -97,8 +96,8 @@ def test_a_run_that_cannot_be_wound_is_refused_while_it_is_planned() -> None:
     with pytest.raises(ValueError, match="element must be rod or solid"):
         run(element="shell")
     # Two turns, of which the second would lie on the first.
-    with pytest.raises(OverlapError, match="layers would overlap"):
-        run(drive=DriveProfile(feed_speed=1.0e-4), duration=8.0)
+    with pytest.raises(ValueError, match="turns of the solid pass through each other"):
+        run(drive=DriveProfile(feed_speed=1.0e-4), duration=8.0, element="solid")
 
 
 def test_results_are_those_of_the_prediction() -> None:

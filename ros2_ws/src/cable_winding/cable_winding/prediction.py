@@ -117,6 +117,7 @@ class Prediction:
         s: Length from P0 over time [m], shape (m, n + 1).
         cable_per_turn: Undeformed cable in each complete turn [m], shape (turns,).
         pitch_per_turn: Axial advance of each complete turn [m], shape (turns,).
+        lies_per_turn: "apart", "touching" a turn laid before or "on cable", for each complete turn.
         stretch: Mean stretch of the wound cable.
         stretch_closed_form: Stretch by the material law at the wound tension, for comparison.
         energy_balance: Energy that is not accounted for, as a share of the energy supplied.
@@ -132,6 +133,7 @@ class Prediction:
     s: FloatArray
     cable_per_turn: FloatArray
     pitch_per_turn: FloatArray
+    lies_per_turn: tuple[str, ...]
     stretch: float
     stretch_closed_form: float
     energy_balance: float
@@ -200,6 +202,7 @@ def predict(
         s=np.array(found.history["s"]),
         cable_per_turn=found.cable_per_turn(),
         pitch_per_turn=found.pitch_per_turn(),
+        lies_per_turn=found.lies_per_turn(),
         stretch=found.stretch,
         stretch_closed_form=found.stretch_closed_form,
         energy_balance=0.01 * found.energy.balance_pct,

@@ -22,6 +22,7 @@ FULL = 1
 DIVERGED = 2
 EMPTY = 3
 STIRRED = 4
+LOOK = 5
 # An element is cut from the span's last one at this many segment lengths, given back below that.
 CUT_AT = 1.6
 MERGE_AT = 0.4
@@ -116,6 +117,9 @@ class RodState(NamedTuple):
     rows: FloatArray  # (STATE_ROWS and more, capacity), changed
     touching: IntArray  # (capacity,) 1 where a node is in contact, changed
     below: FloatArray  # cable that nodes may lie on, see `Points`
+    room: FloatArray  # (3, capacity) square of the radius [m^2] down to which, and z [m] from which to
+    # which a node may move before cable below is looked up anew; (0, capacity) where it may anywhere
+    way: float  # over the surface, the same [m]
     tie: FloatArray  # (3, 3) rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder
     tie_length: float  # that bends about the first node, twice the mean of both sides [m]
     watched: int  # node whose motion over the surface ends the advance; 0 for none
@@ -127,7 +131,7 @@ class Advance(NamedTuple):
     nodes: int  # in use
     steps: int  # taken
     surface_rate: float  # angular speed of the cylinder in the last step [rad/s]
-    status: int  # RUNNING .. STIRRED
+    status: int  # RUNNING .. LOOK
     element: int  # at fault
 
 

@@ -16,6 +16,7 @@ from cable_fem_node.dynamics.state import (
     FloatArray,
     ImpossibleResultError,
 )
+from cable_fem_node.winding.turns import how_turns_lie
 from cable_fem_node.winding.validity import (
     FULL_TURN,
     Check,
@@ -23,7 +24,6 @@ from cable_fem_node.winding.validity import (
     motion_check,
     overlap_check,
     refuse,
-    refuse_overlap,
     refuse_past_the_start,
     rod_checks,
     tension_check,
@@ -110,6 +110,12 @@ class Prediction:
         """Return the axial advance of each complete turn [m], shape (turns,)."""
         return np.diff(self.z_at(FULL_TURN * np.arange(self.turns + 1)))
 
+    def lies_per_turn(self) -> tuple[str, ...]:
+        """Return how each complete turn lies, see `how_turns_lie`."""
+        laid = self.cable[: self.theta.size]
+        radius = np.hypot(laid["x"], laid["y"])
+        return how_turns_lie(self.theta, self.z, radius, self.config.resolved.constants.touch.apart)
+
     def z_at(self, theta: ArrayLike) -> FloatArray:
         """Return z [m] of the laid cable at wound angles [rad] within the wound range."""
         return np.asarray(np.interp(np.asarray(theta, dtype=float), self.theta, self.z))
@@ -123,7 +129,6 @@ class PlannedRun:
         drive: How the machine moves; the paper's motion by default.
 
     Raises:
-        OverlapError: The feed would lay the cable over itself, and there is no drum.
         ValueError: The cylinder turns back past the start, the duration is not positive, the
             element is unknown or has no stiffness factors.
     """
@@ -139,10 +144,8 @@ class PlannedRun:
         _refuse_unless_positive("duration", self.duration)
         if self.element == "solid":
             self.config.refuse_rod_material()
-        refuse(self.checks())
         refuse_past_the_start(self._angles())
-        if self.config.drum is None:
-            refuse_overlap(self.config.resolved, self.drive, self.duration)
+        refuse(self.checks())
 
     def checks(self) -> tuple[Check, ...]:
         """Return what decides whether the result can be right."""
@@ -150,10 +153,11 @@ class PlannedRun:
         own = checks_of(resolved)
         if self.element == "rod":
             own = (*rod_checks(resolved), tension_check(resolved, self.drive))
-        turns = int(self.most_wound / FULL_TURN)
-        alone = turns > 0 and self.config.drum is None
-        lay = (overlap_check(resolved, self.drive, turns),) if alone else ()
-        return (*own, motion_check(resolved, self.drive), *lay)
+        own = (*own, motion_check(resolved, self.drive))
+        if self.most_wound < FULL_TURN or self.config.drum is not None:
+            return own
+        solid = self.element == "solid"
+        return (*own, overlap_check(resolved, self.drive, self.duration, solid=solid))
 
     @property
     def most_wound(self) -> float:
@@ -298,7 +302,7 @@ def predict(
         cpu_clock: Processor time [s], for the speed that is reported.
 
     Raises:
-        OverlapError, ValueError: As `PlannedRun`.
+        ValueError: As `PlannedRun`.
         SolverError, ValueError: As `PlannedRun.wind`.
     """
     run = PlannedRun(

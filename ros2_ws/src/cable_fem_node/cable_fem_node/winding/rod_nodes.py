@@ -24,6 +24,7 @@ from cable_fem_node.winding.resolved_model import ResolvedModel
 from cable_fem_node.winding.resting_cable import Fading, RestingCable, turned
 from cable_fem_node.winding.winding_kernels import points_of
 from cable_fem_node.winding.winding_model import geodesic_twist
+from cable_fem_node.winding.wound_surface import CableBelow
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -95,6 +96,8 @@ class RodNodes:
         state: Of the integrated nodes and elements, as the kernel takes it.
         touching: Which integrated nodes are in contact, as the kernel takes it.
         below: Cable that integrated nodes may lie on, see `Points`.
+        room: In which they may lie on no other, see `RodState`.
+        way: Over the surface, the same [m].
         resting: The nodes that turn with the cylinder.
         tie: How the cylinder holds the first integrated node, rows TIE_PLACE .. TIE_WATCHED.
         tie_length: Reference length that bends about that node, twice the mean of both sides [m].
@@ -113,6 +116,8 @@ class RodNodes:
         self.state[VISCOUS : VISCOUS + 1, : reference.size] = elastic
         self.touching = np.zeros(2 * self.live + 64, dtype=np.int64)
         self.below = np.zeros((0, self.touching.size))
+        self.room = np.zeros((0, self.touching.size))
+        self.way = 0.0
         self.points.position[:, : self.live] = position
         self.reference[: reference.size] = reference
         self.resting = RestingCable(float(position[0, 0]), fading)
@@ -129,7 +134,15 @@ class RodNodes:
         """The integrated nodes as the kernel takes them; none is watched where P0 alone rests."""
         watched = WATCHED if self.resting.count > 1 else 0
         return RodState(
-            self.live, self.state, self.touching, self.below, self.tie, self.tie_length, watched
+            nodes=self.live,
+            rows=self.state,
+            touching=self.touching,
+            below=self.below,
+            room=self.room,
+            way=self.way,
+            tie=self.tie,
+            tie_length=self.tie_length,
+            watched=watched,
         )
 
     @property
@@ -180,18 +193,12 @@ class RodNodes:
         """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
         return self.resting.path(self.reference[: self.live - 1], self.position)
 
-    def fastest_beside(self, rate: float) -> float:
-        """Return how fast a node moves over the surface that may lie on cable [m/s].
-
-        Args:
-            rate: Angular speed of the cylinder [rad/s].
-        """
-        if not self.below.size:
-            return 0.0
-        near = np.flatnonzero(self.below[2] > 0.0)
-        x, v = self.points.position[:, near], self.points.velocity[:, near]
-        over = np.stack([v[0] + rate * x[1], v[1] - rate * x[0], v[2]])
-        return math.sqrt(float((over**2).sum(axis=0).max(initial=0.0)))
+    def look(self, found: CableBelow) -> None:
+        """Take over what cable the integrated nodes may lie on, and until when."""
+        self.way = found.way
+        self.below, self.room = (np.zeros((part.shape[0], self.touching.size)) for part in found[:2])
+        self.room[1], self.room[2] = -math.inf, math.inf
+        self.below[:, : self.live], self.room[:, : self.live] = found.below, found.room
 
     def rest(self, nodes: int, angle: float) -> None:
         """Lay the first integrated nodes to rest.
@@ -202,7 +209,7 @@ class RodNodes:
         """
         self.resting.add(nodes, angle, self.points, self.reference, self.viscous)
         left = self.live - nodes
-        for values in (self.state, self.touching, self.below):
+        for values in (self.state, self.touching, self.below, self.room):
             values[..., :left] = values[..., nodes : self.live]
         self.live = left
         self._hold(angle)
@@ -237,6 +244,7 @@ class RodNodes:
         below = np.zeros((self.below.shape[0], capacity))
         below[:, :used] = self.below
         self.below = below
+        self.room = np.zeros((0, capacity))
 
     def whole(self, angle: float, back: float, dt: float) -> WholeRod:
         """Return the state of all nodes and elements.

@@ -29,7 +29,7 @@ from cable_fem_node.rod.rod_records import (
     EMPTY,
     FULL,
     LANDING,
-    SPEED,
+    RUNNING,
     STIRRED,
     TENSION,
     part_way,
@@ -41,7 +41,7 @@ from cable_fem_node.winding.validity import refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
-from cable_fem_node.winding.wound_surface import TURN, WoundSurface, unrolled
+from cable_fem_node.winding.wound_surface import AHEAD, TURN, WoundSurface, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.markers import Markers
 
@@ -55,11 +55,6 @@ AWAKE = 20
 # Share of the stable step that is taken where cable lies on cable: springs of two neighbours and of
 # a flange may meet in one direction, and cable that falls off cable does so in a few steps.
 BESIDE_STEP = 0.5
-# Gap, in distances of touching centre lines, that may close before the next look.
-TOUCHING = 0.03
-# Way in distances of centre lines for which nodes keep the same cable below where that is near: of
-# it, what lands comes nearer by six tenths at most, and what falls into a gap by all.
-SAME_BELOW = 0.05
 # By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
 FEWEST_TO_REST = 8
 WOKEN = 16
@@ -145,8 +140,7 @@ class RodWinding(WindingModel):
         self._surface_rate = 0.0
         self._last_step = self.step_limit
         self._stillness = Stillness(resolved.still)
-        self._wound = WoundSurface(self._constants.touch.apart) if config.drum else None
-        self._way, self._speed = 0.0, 0.0  # Since the last look [m], over the surface [m/s]
+        self._wound = WoundSurface(self._constants.touch.apart)
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
         self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
         self._initial_energy = self._stored(self._whole())
@@ -239,43 +233,22 @@ class RodWinding(WindingModel):
         if self._relaxes:
             faded = float(self._nodes.viscous[1:, self._nodes.live - 2].sum())
             drive[LANDING, 1] = self.config.resolved.crept_landing(drive[TENSION, 1], faded)
-        self._speed = self._nodes.fastest_beside(self._surface_rate)
-        apart = self._constants.touch.apart
-        pieces = max(1, math.ceil(self._speed * span / (SAME_BELOW * apart)))
-        begin = drive[:, 0]
-        for left in range(pieces - 1, 0, -1):
-            end = part_way(drive, 1.0 - left / pieces, span)[:, 0]
-            self._advance(t - left * span / pieces, span / pieces, np.stack([begin, end], axis=1))
-            begin = end
-        rest = drive if pieces == 1 else np.stack([begin, drive[:, 1]], axis=1)
-        self._advance(t, span / pieces, rest)
-        nodes = self._nodes
-        if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
-            self._look(t, float(drive[ANGLE, 1]))
-
-    def _advance(self, t: float, span: float, drive: FloatArray) -> None:
-        """Advance over a span [s] that ends at a time [s], with the same cable below."""
-        k = self._constants
-        self._way += span * max(abs(drive[SPEED, 1]) * k.contact_line, self._speed)
-        beside = False
-        if self._wound:
-            if self._way > max(self._wound.gap, SAME_BELOW * k.touch.apart):
-                self._find_below(self._wound)
-            beside = self._wound.gap < TOUCHING * k.touch.apart
-        total = max(1, math.ceil(span / (self.step_limit * (BESIDE_STEP if beside else 1.0))))
-        dt = span / total
-        self._last_step = dt
-        nodes = self._nodes
-        done = 0
-        part = drive
-        while done < total:
+        k, nodes = self._constants, self._nodes
+        left, done, total, part, beside = span, 0, 0, drive, nodes.below.size
+        while not total or done < total:
+            if not total or bool(nodes.below.size) != bool(beside):
+                beside = nodes.below.size
+                step = self.step_limit * (BESIDE_STEP if beside else 1.0)
+                done, total = 0, max(1, math.ceil(left / step))
+                self._last_step = left / total
+            dt = self._last_step
             end = advance_winding(
                 nodes.rod,
                 total - done,
                 dt,
                 self._surface_rate,
                 part,
-                self._constants,
+                k,
                 self._axial,
                 self._relaxation,
                 self._ledger,
@@ -295,43 +268,52 @@ class RodWinding(WindingModel):
                     f"the span was pulled back to the cylinder before t = {t:.6g} s: "
                     "no element left"
                 )
-            if end.status in (FULL, STIRRED, EMPTY):
-                part = part_way(drive, done / total, span)
-                if end.status == FULL:
-                    nodes.grow(2 * nodes.live)
-                else:
-                    now = t - (total - done) * dt
-                    self._wake(t, now, float(part[ANGLE, 0]))
+            before = part[ANGLE, 0]
+            if end.status != RUNNING:
+                part = part_way(part, end.steps * dt / left, left)
+                left -= end.steps * dt
+            nodes.way -= k.contact_line * abs(part[ANGLE, int(end.status == RUNNING)] - before)
+            if end.status == FULL:
+                nodes.grow(2 * nodes.live)
+            elif end.status in (STIRRED, EMPTY):
+                self._wake(t, t - left, float(part[ANGLE, 0]))
+            if end.status != RUNNING:
+                self._find_below()
+        if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
+            self._look(t, float(drive[ANGLE, 1]))
 
-    def _find_below(self, wound: WoundSurface) -> None:
+    def _find_below(self) -> None:
         """Look up which cable the integrated nodes may lie on."""
-        self._way, nodes, k = 0.0, self._nodes, self._constants
+        nodes, k, wound = self._nodes, self._constants, self._wound
         begin = float(nodes.resting.row(resting_cable.THETA)[-1])
         path = unrolled(begin, nodes.position)
-        farthest, turn = float(path[0].max()), TURN - 2.0 * k.touch.apart / k.contact_line
+        farthest, turn = float(path[0].max()), TURN - AHEAD * k.touch.apart / k.contact_line
         if farthest < turn:
+            nodes.way = (turn - farthest) * k.contact_line
             return
         # Laid cable is lain on though it is still integrated.
         over = farthest - begin > turn
         if over:
             wound.lay(self._lines(path[:, : nodes.laid()]))
-        found = wound.below(path)
+        # As `touch_wound` sees them: chords join the nodes, and springs carry them.
+        sunk = 2.0 * self._drive[LANDING] - k.start_radius - k.contact_line
+        free = nodes.touching[: nodes.live] == 0
+        found = wound.below(path, sunk * k.contact_line / path[2], free)
         if over:
             wound.lift(begin)
-        if not found.size and not nodes.below.size:
-            return
+        before = lying_energy(nodes.points, k.touch, nodes.live) if nodes.below.size else 0.0
+        nodes.look(found)
+        if nodes.below.size:
+            before -= lying_energy(nodes.points, k.touch, nodes.live)
         # Cable that turns up below is a surface that moves.
-        self._ledger[WORK_SURFACE] -= lying_energy(nodes.points, k.touch, nodes.live)
-        nodes.below = np.zeros((found.shape[0], nodes.touching.size))
-        nodes.below[:, : nodes.live] = found
-        self._ledger[WORK_SURFACE] += lying_energy(nodes.points, k.touch, nodes.live)
+        self._ledger[WORK_SURFACE] -= before
 
-    def _lay(self, wound: WoundSurface, nodes: int) -> None:
+    def _lay(self, nodes: int) -> None:
         """Add the last resting nodes to the wound surface."""
         rows = self._nodes.resting
         since = slice(rows.count - 1 - nodes, rows.count)
         (x, y, z), theta = rows.place()[:, since], rows.row(resting_cable.THETA)[since]
-        wound.lay(self._lines(np.stack([theta, z, np.hypot(x, y)])))
+        self._wound.lay(self._lines(np.stack([theta, z, np.hypot(x, y)])))
 
     def _lines(self, path: FloatArray) -> FloatArray:
         """Return a path (3, n) of nodes, which chords join, with the radii of its centre line."""
@@ -353,8 +335,7 @@ class RodWinding(WindingModel):
             lying = lying_energy(nodes.points, self._constants.touch, resting + 1)
             self._ledger[WORK_SURFACE] -= lying
             nodes.rest(resting, angle)
-            if self._wound:
-                self._lay(self._wound, resting)
+            self._lay(resting)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 
@@ -366,9 +347,7 @@ class RodWinding(WindingModel):
         self._ledger[LOSS_RELAXATION] += nodes.resting.fade(now)
         nodes.wake(woken, angle, back, self._last_step)
         self._ledger[WORK_TIE] += self._kinetic(nodes.points, woken + 1)
-        if self._wound:
-            self._wound.lift(float(nodes.resting.row(resting_cable.THETA)[-1]))
-            self._find_below(self._wound)
+        self._wound.lift(float(nodes.resting.row(resting_cable.THETA)[-1]))
         self._stillness.woken(t)
 
     def _records(self, begin: int) -> NDArray[np.void]:

@@ -256,73 +256,65 @@ def _span(resolved: ResolvedModel) -> Check:
     )
 
 
-def overlap_check(resolved: ResolvedModel, drive: DriveProfile, turns: int) -> Check:
-    """Return whether the first of the turns lie beside each other, by the fleet-angle law.
+def overlap_check(
+    resolved: ResolvedModel, drive: DriveProfile, duration: float, *, solid: bool
+) -> Check:
+    """Return whether turns lie beside each other, by the fleet-angle law.
 
     The span of length L pulls the cable after the guide: with tau = L / rho the first turn
     advances by p (2 pi - tau (1 - exp(-2 pi / tau))) / (2 pi) of the pitch p.
-    """
-    law = FleetAngleLaw(
-        advance_per_radian=abs(drive.pitch) / FULL_TURN,
-        free_length=resolved.constants.free_length,
-        radius=resolved.wound_radius,
-    )
-    advances = np.diff(law.z(FULL_TURN * np.arange(turns + 1)))
-    width = resolved.case.cable_diameter * resolved.lateral
-    over = int(np.count_nonzero(advances < width))
-    return Check(
-        name="the cable's width over the advance of the first turn",
-        value=width / max(float(advances[0]), 1.0e-300),
-        warned_from=1.0,
-        refused_from=math.inf,
-        advice=f"turns 1 to {over} of {turns} come to lie on the turn before, the first by "
-        f"{(width - advances[0]) / MILLIMETRE:.3g} mm of {width / MILLIMETRE:.3g} mm, because the "
-        f"cable lags behind the guide by up to {math.degrees(law.lag_angle):.3g} degrees; it is "
-        "computed as if they lay beside each other: take more feed, a shorter span or a thicker "
-        "cylinder",
-    )
-
-
-class OverlapError(ValueError):
-    """The cable would be wound over itself, which is covered on a drum alone."""
-
-
-def refuse_overlap(resolved: ResolvedModel, drive: DriveProfile, duration: float) -> None:
-    """Refuse a plan that lays a turn over another.
-
-    A guide that keeps going needs a steady pitch of the cable's diameter, once there is more than
-    a turn. The first turns lie closer, as they do on the paper's stiffest cable: `overlap_check`
-    tells. Of a guide that turns back the lay itself is followed, by the fleet-angle law; what is
-    unwound leaves the cylinder bare.
 
     Args:
         resolved: What is wound.
-        drive: How the machine moves.
+        drive: How the machine moves; by more than a turn.
         duration: For how long [s].
+        solid: Whether turns pass through each other. Then they must lie apart, but for the first
+            ones, which lie closer on the paper's stiffest cable as well.
 
     Raises:
-        OverlapError: Turns would overlap, or are too many to be followed one by one.
+        ValueError: The guide turns back, over more turns than are followed.
     """
     width = resolved.case.cable_diameter * resolved.lateral
-    t = np.linspace(0.0, duration, 2001)
-    most = float(np.max(drive.positions(t)[0]))
-    if most > FULL_TURN and abs(drive.pitch) < width:
-        raise OverlapError(
-            f"the guide advances {abs(drive.pitch) / MILLIMETRE:.3g} mm per turn, less than the "
-            f"cable's {width / MILLIMETRE:.3g} mm: layers would overlap, "
-            "and cable-on-cable contact is modelled on a drum alone"
+    length, radius = resolved.constants.free_length, resolved.wound_radius
+    angle, guide = (np.asarray(v) for v in drive.positions(np.linspace(0.0, duration, 2001)))
+    turns = angle.max() / FULL_TURN
+    always = False
+    if np.ptp(np.sign(np.diff(guide))) < 2.0:
+        always = abs(drive.pitch) < width
+        law = FleetAngleLaw(
+            advance_per_radian=abs(drive.pitch) / FULL_TURN, free_length=length, radius=radius
         )
-    if np.ptp(np.sign(np.diff(np.asarray(drive.positions(t)[1])))) < 2.0:
-        return
-    if most > _MOST_TURNS * FULL_TURN:
-        raise OverlapError(
-            f"a guide that turns back is followed for {_MOST_TURNS} turns at most, "
-            f"got {most / FULL_TURN:.4g}"
+        advances = np.diff(law.z(FULL_TURN * np.arange(int(turns) + 1)))
+        least, over = float(advances[0]), int(np.count_nonzero(advances < width))
+        where = (
+            f"turns 1 to {over} of {int(turns)} come to lie on the turn before, the first by "
+            f"{(width - least) / MILLIMETRE:.3g} mm of {width / MILLIMETRE:.3g} mm, because the "
+            f"guide advances {abs(drive.pitch) / MILLIMETRE:.3g} mm per turn and the cable lags "
+            f"behind it by up to {math.degrees(law.lag_angle):.3g} degrees"
         )
-    fine = np.linspace(0.0, duration, max(2, math.ceil(_PARTS * duration * _turn_rate(drive))))
-    angle, guide = (np.asarray(values) for values in drive.positions(fine))
-    lag = resolved.constants.free_length / resolved.wound_radius
-    refuse_crossing(angle, guide, lag, width)
+    else:
+        if turns > _MOST_TURNS:
+            raise ValueError(
+                f"a guide that turns back is followed for {_MOST_TURNS} turns at most, "
+                f"got {turns:.4g}"
+            )
+        fine = np.linspace(0.0, duration, max(2, math.ceil(_PARTS * duration * _turn_rate(drive))))
+        angle, guide = (np.asarray(values) for values in drive.positions(fine))
+        after, place, least = crossing(angle, guide, length / radius, width)
+        always = math.isfinite(least)
+        where = (
+            f"the guide turns back: after {after:.3g} turns the cable comes to lie at "
+            f"{place / MILLIMETRE:.4g} mm, {least / MILLIMETRE:.3g} mm from a turn laid before"
+        )
+    return Check(
+        name="the cable's width over the least distance of two turns",
+        value=width / max(least, 1.0e-300),
+        warned_from=1.0,
+        refused_from=math.nextafter(1.0, 2.0) if solid and always else math.inf,
+        advice=f"{where}; "
+        + ("turns of the solid pass through each other" if solid else "it is computed as such")
+        + ": take more feed, a shorter span or a thicker cylinder",
+    )
 
 
 def refuse_past_the_start(angle: FloatArray) -> None:
@@ -339,8 +331,10 @@ def refuse_past_the_start(angle: FloatArray) -> None:
         )
 
 
-def refuse_crossing(angle: FloatArray, guide: FloatArray, lag: float, width: float) -> None:
-    """Refuse a lay that comes closer than a width to a turn laid before.
+def crossing(
+    angle: FloatArray, guide: FloatArray, lag: float, width: float
+) -> tuple[float, float, float]:
+    """Return where a lay first comes closer than a width to a turn laid before.
 
     Neighbours of a guide that goes on as it began may touch; from where it has turned back, or
     falls below a width per turn, the lay counts.
@@ -351,8 +345,8 @@ def refuse_crossing(angle: FloatArray, guide: FloatArray, lag: float, width: flo
         lag: Rotation in which the cable follows the guide, L / rho [rad].
         width: Of the cable [m].
 
-    Raises:
-        OverlapError: The sentence contains the turns and the position.
+    Returns:
+        After how many turns, at which z [m], how near [m]; infinite where it never does.
     """
     part = FULL_TURN / _PARTS
     lay = [0.0]
@@ -375,12 +369,8 @@ def refuse_crossing(angle: FloatArray, guide: FloatArray, lag: float, width: flo
                 continue
             apart = np.abs(place[k % _PARTS : k : _PARTS] - place[k])
             if apart.min() < width:
-                raise OverlapError(
-                    f"the guide turns back: after {k * part / FULL_TURN:.3g} turns the cable comes "
-                    f"to lie at {place[k] / MILLIMETRE:.4g} mm, {apart.min() / MILLIMETRE:.3g} mm "
-                    f"from a turn laid before, less than its {width / MILLIMETRE:.3g} mm: layers "
-                    "would overlap, and cable-on-cable contact is modelled on a drum alone"
-                )
+                return k * part / FULL_TURN, place[k], float(apart.min())
+    return math.inf, math.inf, math.inf
 
 
 def _turn_rate(drive: DriveProfile) -> float:

@@ -44,6 +44,7 @@ from cable_fem_node.rod.rod_records import (
     FULL,
     GUIDE,
     LANDING,
+    LOOK,
     MERGE_AT,
     REFERENCE,
     RUNNING,
@@ -243,7 +244,7 @@ def advance_winding(
             the guide, which the span's tension has loaded since the run began.
         ledger: Energies [J], added to in place.
     """
-    nodes, touching, tie, watched = rod.nodes, rod.touching, rod.tie, rod.watched
+    nodes, touching, tie, watched, room = rod.nodes, rod.touching, rod.tie, rod.watched, rod.room
     cable, reference, viscous = (
         points_of(rod.rows, touching, rod.below),
         rod.rows[REFERENCE],
@@ -264,6 +265,7 @@ def advance_winding(
     angle = drive[ANGLE, 0]
     cosine, sine = math.cos(angle), math.sin(angle)
     first[2] = tie[TIE_ALONG, 2]
+    taken, status = steps, RUNNING
 
     for step in range(steps):
         # A step is not begun that could not end with an element cut.
@@ -398,11 +400,19 @@ def advance_winding(
             rz = x[2, watched] - tie[TIE_WATCHED, 2]
             if not rx * rx + ry * ry + rz * rz <= k.stirred * k.stirred:
                 return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
+        outside = int(abs(angle - drive[ANGLE, 0]) * k.contact_line > rod.way)
+        if room.shape[0] > 0:
+            for i in range(1, nodes - 1):
+                low = x[0, i] * x[0, i] + x[1, i] * x[1, i] < room[0, i]
+                outside += low | (x[2, i] < room[1, i]) | (x[2, i] > room[2, i])
+        if outside > 0:
+            taken, status = step + 1, LOOK
+            break
     for i in range(nodes - 2):
         stretch = 1.0 / (inverse[i] * reference[i])
         if not TABLE_LOW < stretch < TABLE_HIGH:
-            return Advance(nodes, steps, surface_rate, DIVERGED, i)
-    return Advance(nodes, steps, surface_rate, RUNNING, 0)
+            return Advance(nodes, taken, surface_rate, DIVERGED, i)
+    return Advance(nodes, taken, surface_rate, status, 0)
 
 
 @called

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +16,23 @@ TURN = 2.0 * math.pi
 LINES = 128
 # Columns of a crossing: wound angle, place, radius, and how z goes with the angle.
 _THETA, _Z, _RADIUS, _SLOPE = range(4)
-# In distances of touching centre lines: the gap to cable that a node may come to lie on before the
-# next look, and the least gap of all nodes with which any of that matters.
-_REACH, _NEAR = 0.3, 0.03
+# In distances of touching centre lines: how far cable is sought, the gap to cable that a node may
+# come to lie on before the next look, the least gap of all nodes with which any of that matters,
+# and how far then a node may move across the cable, and the cable over the surface, which shifts
+# what lies below by its lean.
+_SOUGHT, _REACH, _NEAR, _KEPT, _WAY = 1.0, 0.3, 0.03, 0.15, 0.1
+
+
+class CableBelow(NamedTuple):
+    """Which cable nodes may lie on, and until when."""
+
+    below: FloatArray  # See `Points.below`, shape (BELOW_HEIGHT, n); (0, n) where none is near
+    room: FloatArray  # In which nodes may lie on no other, see `RodState`, shape (3, n)
+    way: float  # Over the surface, the same [m]
+
+
+# Before a full turn cable is sought below what has been wound, in distances of centre lines.
+AHEAD = 2.0 + _SOUGHT
 
 
 class WoundSurface:
@@ -38,7 +53,7 @@ class WoundSurface:
         self._crossings = np.zeros((256, 4))
         self._before: NDArray[np.int64] = np.zeros(256, dtype=np.int64)
         self._count = 0
-        self.gap = _REACH * apart  # Least gap between a node and cable below at the last look [m]
+        self._highest = 0.0  # Radius of the centre line of any cable so far [m]
 
     def lay(self, path: FloatArray) -> None:
         """Add cable.
@@ -48,10 +63,11 @@ class WoundSurface:
                 radius of the centre line [m]; shape (3, n).
         """
         if not self._count:
-            # Up to a distance before P0 the end of the cable can be touched.
+            # The end of the cable is sought from before it on.
             end = path[:, :1].copy()
-            end[0] -= self._apart / end[2] + TURN / LINES
+            end[0] -= (1.0 + _SOUGHT) * self._apart / end[2] + TURN / LINES
             path = np.concatenate([end, path], axis=1)
+        self._highest = max(self._highest, float(path[2].max()))
         self._make_room(float(path[1].min()), float(path[1].max()))
         more = int((path[0, -1] - path[0, 0]) / TURN * LINES) + 2
         if self._count + more > len(self._before):
@@ -68,19 +84,31 @@ class WoundSurface:
             theta, self._cell, self._first, self._top, self._crossings, self._before, self._count
         )
 
-    def below(self, path: FloatArray) -> FloatArray:
+    def below(self, path: FloatArray, lower: FloatArray, free: NDArray[np.bool_]) -> CableBelow:
         """Return the centre lines that nodes may lie on, see `Points.below`.
 
         Args:
             path: Wound angles [rad], z [m] and radii [m] of the nodes, shape (3, n).
-
-        Returns:
-            Shape (BELOW_HEIGHT, n); (0, n) where no node is near to any.
+            lower: By how much their centre line is lower [m], shape (n,).
+            free: Which of them do not turn with the surface, shape (n,).
         """
+        theta, z, radius = path
+        centre = np.stack([theta, z, radius - lower])
         out = np.zeros((BELOW_HEIGHT, path.shape[1]))
         surface = (self._cell, self._first, self._top, self._crossings, self._before)
-        self.gap = _below(path, self._apart, *surface, out)
-        return out[:0] if self.gap > _NEAR * self._apart else out
+        gaps = _below(centre, self._apart, *surface, out)
+        over = self._highest + self._apart + float(lower.max(initial=0.0))
+        above = radius > over
+        least = float(gaps[free & ~above].min(initial=_SOUGHT * self._apart))
+        if near := gaps.min() <= _NEAR * self._apart:
+            gaps[:] = _KEPT * self._apart
+        # What lands comes down rather than aside: 0.9^2 + 0.4^2 < 1.
+        room = np.stack([np.maximum(radius - 0.9 * gaps, 0.0), z - 0.4 * gaps, z + 0.4 * gaps])
+        # Above all cable there is none to lie on.
+        room[:, above] = [[over], [-math.inf], [math.inf]]
+        room[0] **= 2
+        way = max(_WAY * self._apart, 0.0 if near else least)
+        return CableBelow(out if near else out[:0], room, way)
 
     def _make_room(self, low: float, high: float) -> None:
         first, last = math.floor(low / self._cell), math.floor(high / self._cell)
@@ -175,16 +203,16 @@ def _below(
     crossings: FloatArray,
     before: IntArray,
     out: FloatArray,
-) -> float:
-    """Write the nearest centre lines of every node; return the least gap of all [m]."""
-    step, cells, reach = TURN / LINES, top.shape[1], (1.0 + _REACH) * apart
+) -> FloatArray:
+    """Write the nearest centre lines of every node; return its gap to the nearest (n,) [m]."""
+    step, cells, reach = TURN / LINES, top.shape[1], (1.0 + _SOUGHT) * apart
     gaps = np.zeros(MOST_BELOW)
-    least = _REACH * apart
     theta, z, radius = path
+    least = np.empty(theta.size)
     for i in range(theta.size):
         line = int(round(theta[i] / step))  # noqa: RUF046
         row = line % LINES
-        gaps[:] = _REACH * apart
+        gaps[:], least[i] = _REACH * apart, _SOUGHT * apart
         low, high = math.floor((z[i] - reach) / cell), math.floor((z[i] + reach) / cell)
         for column in range(max(low - first, 0), min(high - first, cells - 1) + 1):
             k = top[row, column]
@@ -192,9 +220,9 @@ def _below(
                 # Not the cable's own neighbourhood.
                 if theta[i] - crossings[k, _THETA] >= 0.5 * TURN:
                     ahead = theta[i] - line * step
-                    _note(i, ahead, radius[i], z[i], apart, crossings[k], gaps, out)
+                    gap = _note(i, ahead, radius[i], z[i], apart, crossings[k], gaps, out)
+                    least[i] = min(least[i], gap)
                 k = before[k]
-        least = min(least, gaps[0])
     return least
 
 
@@ -208,8 +236,8 @@ def _note(
     crossing: FloatArray,
     gaps: FloatArray,
     out: FloatArray,
-) -> None:
-    """Write a crossing into the column of node i if it is one of the nearest so far.
+) -> float:
+    """Write a crossing into the column of node i if it is near; return its gap [m].
 
     Args:
         i: Number of the node.
@@ -218,7 +246,7 @@ def _note(
         z: Of the node [m].
         apart: Distance of touching centre lines [m].
         crossing: As _THETA .. _SLOPE.
-        gaps: To the nearest so far [m], ascending, changed.
+        gaps: Within reach, to the nearest so far [m], ascending, changed.
         out: See `Points.below`, changed.
     """
     slope, at = crossing[_SLOPE], crossing[_RADIUS]
@@ -227,15 +255,16 @@ def _note(
     # The end of the cable is round.
     beyond = min(crossing[_THETA] + ahead, 0.0) * at
     distance = math.sqrt(max(apart * apart - beyond * beyond, 0.0))
-    gap = math.sqrt((radius - at) ** 2 + (lean * (z - there)) ** 2) - distance
+    gap = math.sqrt((radius - at) ** 2 + (lean * (z - there)) ** 2 + beyond * beyond) - apart
     to = MOST_BELOW
     while to > 0 and gap < gaps[to - 1]:
         to -= 1
     if to == MOST_BELOW:
-        return
+        return gap
     for other in range(MOST_BELOW - 1, to, -1):
         gaps[other] = gaps[other - 1]
         for r in range(BELOW_ROWS):
             out[BELOW_ROWS * other + r, i] = out[BELOW_ROWS * (other - 1) + r, i]
     gaps[to], to = gap, BELOW_ROWS * to
     out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, lean, distance
+    return gap

@@ -57,6 +57,7 @@ _TURNS = (
     Shown("turn", lambda turn: turn[0]),
     Shown("cable used, mm", lambda turn: turn[1], ".2f", MILLIMETRE),
     Shown("advance, mm", lambda turn: turn[2], ".2f", MILLIMETRE),
+    Shown("lies", lambda turn: turn[3]),
 )
 _ERRORS = (
     Shown("marker", lambda error: f"P{error[0]}"),
@@ -213,7 +214,8 @@ def _print(result: Prediction, record: dict[str, Any]) -> None:
     case = f"case {record['case']}" if record["case"] else "own condition"
     title = f"Markers after {result.duration:g} s, {case}, {record['element']}"
     console.print(record_table(_MARKERS, record["markers"], title=title))
-    per_turn = zip(record["cable_per_turn_m"], record["pitch_per_turn_m"], strict=True)
+    columns = ("cable_per_turn_m", "pitch_per_turn_m", "lies_per_turn")
+    per_turn = zip(*(record[name] for name in columns), strict=True)
     turns = ((n, *both) for n, both in enumerate(per_turn, start=1))
     console.print(record_table(_TURNS, turns, title="Turns"))
     energies = ", ".join(f"{name} {joule:.3g}" for name, joule in record["energy_j"].items())
@@ -258,6 +260,7 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
         ],
         "cable_per_turn_m": result.cable_per_turn().tolist(),
         "pitch_per_turn_m": result.pitch_per_turn().tolist(),
+        "lies_per_turn": list(result.lies_per_turn()),
         "cable": {
             "s_m": result.cable["s"].tolist(),
             "tension_n": result.cable["tension"].tolist(),
