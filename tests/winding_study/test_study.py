@@ -228,7 +228,7 @@ def test_an_unknown_element_is_refused() -> None:
 
 
 def test_a_failing_case_does_not_lose_the_others(tmp_path) -> None:
-    # So heavy a cable of 2 mm takes a fifth of the tension for its motion, one of 4 mm more than all.
+    # Moving so heavy a cable of 2 mm takes a fifth of the tension, one of 4 mm more than half.
     config = StudyConfig(duration=5.0, mass_scaling=3.0e4)
     store = RunStore(tmp_path)
     with pytest.raises(CaseFailedError, match=r"^case 3: the share of the tension that"):

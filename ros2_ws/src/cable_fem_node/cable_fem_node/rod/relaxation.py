@@ -20,7 +20,7 @@ from cable_fem_node.rod.rod_records import AxialResponse, Relaxation
 def strain_under(force: float, relax: Relaxation) -> float:
     """Return the strain at which the law carries a force [N] at once, within the table."""
     last = relax.strain.shape[0] - 1
-    place = min(max((force - relax.low) * relax.per_spacing, 0.0), last - 1.0e-9)
+    place = min(max(0.0, (force - relax.low) * relax.per_spacing), last - 1.0e-9)
     i = int(place)
     u = place - i
     value: float = relax.strain[i] + u * (relax.strain[i + 1] - relax.strain[i])

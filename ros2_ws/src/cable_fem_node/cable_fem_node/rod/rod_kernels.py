@@ -79,9 +79,12 @@ def turning_angle_squared(u: float) -> float:
 
 @called
 def law_value(stretch: float, response: AxialResponse) -> float:
-    """Return the tabulated nominal stress [Pa]; beyond the table its end values stay."""
+    """Return the tabulated nominal stress [Pa]; beyond the table its end values stay.
+
+    Of what is not a number the first: this order of max and min never leaves the table.
+    """
     table = response.table
-    place = min(max((stretch - response.low) * response.per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    place = min(max(0.0, (stretch - response.low) * response.per_spacing), table.shape[0] - 1.0e-9)
     i = int(place)
     u = place - i
     value: float = table[i, 0] + u * (table[i, 1] + u * (table[i, 2] + u * table[i, 3]))
@@ -92,7 +95,7 @@ def law_value(stretch: float, response: AxialResponse) -> float:
 def law_energy(stretch: float, response: AxialResponse) -> float:
     """Return the tabulated energy density [J/m^3], the integral of `law_value`."""
     table = response.table
-    place = min(max((stretch - response.low) * response.per_spacing, 0.0), table.shape[0] - 1.0e-9)
+    place = min(max(0.0, (stretch - response.low) * response.per_spacing), table.shape[0] - 1.0e-9)
     i = int(place)
     u = place - i
     rise = table[i, 0] + u * (table[i, 1] / 2.0 + u * (table[i, 2] / 3.0 + u * table[i, 3] / 4.0))

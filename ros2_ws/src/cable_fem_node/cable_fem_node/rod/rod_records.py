@@ -117,8 +117,8 @@ class RodState(NamedTuple):
     rows: FloatArray  # (STATE_ROWS and more, capacity), changed
     touching: IntArray  # (capacity,) 1 where a node is in contact, changed
     below: FloatArray  # cable that nodes may lie on, see `Points`
-    room: FloatArray  # (3, capacity) square of the radius [m^2] down to which, and z [m] from which to
-    # which a node may move before cable below is looked up anew; (0, capacity) where it may anywhere
+    room: FloatArray  # (3, capacity) square of the radius [m^2] down to which, and z [m] from which
+    # to which a node may move before cable below is looked up anew; (0, capacity) for anywhere
     way: float  # over the surface, the same [m]
     tie: FloatArray  # (3, 3) rows TIE_PLACE .. TIE_WATCHED in the frame of the cylinder
     tie_length: float  # that bends about the first node, twice the mean of both sides [m]

@@ -196,7 +196,9 @@ class RodNodes:
     def look(self, found: CableBelow) -> None:
         """Take over what cable the integrated nodes may lie on, and until when."""
         self.way = found.way
-        self.below, self.room = (np.zeros((part.shape[0], self.touching.size)) for part in found[:2])
+        self.below, self.room = (
+            np.zeros((part.shape[0], self.touching.size)) for part in found[:2]
+        )
         self.room[1], self.room[2] = -math.inf, math.inf
         self.below[:, : self.live], self.room[:, : self.live] = found.below, found.room
 
