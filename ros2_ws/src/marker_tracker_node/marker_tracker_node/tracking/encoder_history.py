@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.machine_motion import lost_turns
-
-FloatArray = NDArray[np.float64]
 
 # Four seconds at 2 kHz: a node in arrears meets frames two seconds behind the encoder.
 KEPT = 8192

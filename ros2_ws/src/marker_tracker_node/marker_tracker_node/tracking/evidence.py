@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import Gates, empty_gates, gate_columns, table_index
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
@@ -19,8 +19,6 @@ from marker_tracker_node.tracking.state import (
     TURN,
     Burst,
     FixedNumbers,
-    FlagArray,
-    IndexArray,
     Rows,
     Setup,
     TrackerState,
@@ -29,9 +27,6 @@ from marker_tracker_node.tracking.state import (
     setup_of,
 )
 from winding_core.compiling import called, compiled
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 
 # Frames closer than this add nothing [s].
 _PERIOD = 0.02

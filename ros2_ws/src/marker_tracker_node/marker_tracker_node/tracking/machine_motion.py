@@ -6,8 +6,8 @@ import math
 from array import array
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.frame.laid_path import extend_paths
 from marker_tracker_node.tracking.state import (
     Cylinder,
@@ -21,8 +21,6 @@ from marker_tracker_node.tracking.state import (
     setup_of,
 )
 from winding_core.compiling import called, compiled
-
-FloatArray = NDArray[np.float64]
 
 # Bounds of what is expected of a cylinder whose encoder is out [rad/s, s].
 FASTEST = 100.0

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FlagArray
 from marker_tracker_node.camera.pinhole import plane_of_pixel
 from marker_tracker_node.detection.band import Band, solve_band
 from marker_tracker_node.detection.colour import (
@@ -22,11 +22,8 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
 from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT
-from marker_tracker_node.tracking.state import FlagArray, Setup
+from marker_tracker_node.tracking.state import Setup
 from winding_core.helix import FleetAngleLaw
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 
 # How far P0 may appear from its place before the camera's pose was ever refined [m].
 SEARCH_REACH = 5.0e-3

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.pictures import seen_again
@@ -22,8 +22,6 @@ from marker_tracker_node.tracking.state import (
     TrackerState,
 )
 from winding_core.units import MILLIMETRE, MILLIRADIAN
-
-FloatArray = NDArray[np.float64]
 
 # Numbers are corrected anew for places that change by so many of their doubts.
 _CHANGED = 0.5

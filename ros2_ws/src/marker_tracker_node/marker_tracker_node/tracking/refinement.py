@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
@@ -17,8 +17,6 @@ from marker_tracker_node.tracking.estimator.numbers import CABLE, NUMBERS, PLACE
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.frame.run_means import BENT_OVER_RUN, bent_height
 from marker_tracker_node.tracking.sightings import Sightings
-
-FloatArray = NDArray[np.float64]
 
 LEAST_SIGHTINGS = 20
 # More sightings add nothing: what they have wrong together is not averaged out.

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
 from marker_tracker_node.tracking.checks.camera_zero import CameraZero
@@ -22,8 +22,6 @@ from marker_tracker_node.tracking.p0_search import (
 )
 from marker_tracker_node.tracking.state import Burst, Setup
 from winding_core.units import MILLIMETRE
-
-ByteArray = NDArray[np.uint8]
 
 # Frames in between show nothing of what moves with the cylinder [rad].
 LOOK_STEP = 0.01

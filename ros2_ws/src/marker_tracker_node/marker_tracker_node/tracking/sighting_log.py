@@ -6,14 +6,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.state import TURN, Burst, FlagArray, IndexArray, Rows
+from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
+from marker_tracker_node.tracking.state import TURN, Burst, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
 # Rows kept; a full log drops what lies between the first and the newest quarter.

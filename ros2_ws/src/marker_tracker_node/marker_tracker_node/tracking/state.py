@@ -15,13 +15,11 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, cast, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
 from marker_tracker_node.camera.pinhole import CameraView
 from marker_tracker_node.detection.band import Body
 from winding_core.compiling import called
 
-FloatArray = NDArray[np.float64]
-FlagArray = NDArray[np.bool_]
-IndexArray = NDArray[np.int64]
 # A structured array of a `record_dtype`, which a kernel reads as the record class it is made of.
 Rows: TypeAlias = Any
 Record = TypeVar("Record")

@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
@@ -34,7 +34,7 @@ class PairedFrame:
     """
 
     t: float  # Stamp [s]
-    frame: NDArray[np.uint8]  # Blue-green-red, shape (height, width, 3)
+    frame: ByteArray  # Blue-green-red, shape (height, width, 3)
     cylinder_angle: float | None  # [rad], unwrapped
     guide_z: float | None  # [m]
     astray: float = 0.0
@@ -69,7 +69,7 @@ class Synchroniser:
         self._longest_lead = longest_lead
         self._readings = 0
         # Time, picture, and how many readings had been heard when it came.
-        self._frames: deque[tuple[float, NDArray[np.uint8], int]] = deque()
+        self._frames: deque[tuple[float, ByteArray, int]] = deque()
         self._newest_frame = -math.inf
         # The newest frame when the encoder was last heard.
         self._heard = math.inf
@@ -81,7 +81,7 @@ class Synchroniser:
         if self._frames:
             self._heard = self._newest_frame
 
-    def add_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def add_frame(self, t: float, frame: ByteArray) -> None:
         """Take a frame, shape (height, width, 3), of time t [s]."""
         if not self._frames:
             self._heard = t
@@ -159,7 +159,7 @@ class SynchronisedTracker:
         """Take an encoder sample of time t [s]."""
         self._pairs.add_reading(t, reading)
 
-    def add_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def add_frame(self, t: float, frame: ByteArray) -> None:
         """Take a frame, shape (height, width, 3), stamped t [s]."""
         self._pairs.add_frame(t, frame)
 

@@ -6,8 +6,8 @@ import math
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.checks.consistency import RunChecks
@@ -28,8 +28,6 @@ from marker_tracker_node.tracking.sightings import Sightings
 from marker_tracker_node.tracking.state import Burst, Setup, TrackerState, fixed_numbers
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 # Of a sighting that are kept as they are in `Output`.
 _BESIDE = ("slope", "low", "high", "below", "above")
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)

@@ -18,15 +18,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.estimator.numbers import CLOCK, FOCAL, NUMBERS
 from marker_tracker_node.tracking.frame.run_means import ENCODER_TRUST, MEMORY, SHIFT_SHARE
 from winding_core.units import MILLISECOND
-
-FloatArray = NDArray[np.float64]
 
 # Sightings kept of each band; one that moved and aged by less shows the same as the last [rad, s].
 ROWS = 128

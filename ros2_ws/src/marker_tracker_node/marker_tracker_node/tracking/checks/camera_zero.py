@@ -6,8 +6,8 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera, plane_of_pixel
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
@@ -18,9 +18,6 @@ from marker_tracker_node.tracking.estimator.numbers import TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.p0_search import NEAR_START, locate_marker
 from marker_tracker_node.tracking.state import Burst, Setup
-
-ByteArray = NDArray[np.uint8]
-FloatArray = NDArray[np.float64]
 
 # A cylinder that moved less from one frame to the next stood: an encoder of 8192 counts has steps
 # of 0.8 mrad.

@@ -11,16 +11,14 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, Seen
 from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
-
-FloatArray = NDArray[np.float64]
 
 # With fewer sightings nothing is estimated; it is again with so many times as many.
 _LEAST_ROWS, _MORE = 12, 1.25

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.frame.laid_path import (
     LAY_SIGMA,
     LEAST_GAP,
@@ -32,8 +32,6 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called
 from winding_core.units import MILLIMETRE
-
-FloatArray = NDArray[np.float64]
 
 # A guide that moves so many times as far as the feed, or as one turn beside the other, within a
 # tenth of a radian does not exist: its readings are millimetres.

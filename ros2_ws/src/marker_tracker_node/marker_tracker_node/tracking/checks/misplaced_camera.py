@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA
 from marker_tracker_node.tracking.p0_search import SEARCH_REACH, BandSearch
 from marker_tracker_node.tracking.state import TURN, Setup
 from winding_core.units import MILLIMETRE, MILLIRADIAN
-
-ByteArray = NDArray[np.uint8]
 
 # Errors of the camera's place along the axis, and of its height, that are tried [m]: so far apart
 # that P0 lies within the reach of a search with one of them.

@@ -6,14 +6,12 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.detection.colour import hsv, hue_difference
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.p0_search import BandSearch
 from marker_tracker_node.tracking.state import Setup
-
-ByteArray = NDArray[np.uint8]
 
 # Pixels whose channels differ by less have no colour, and a picture with so few of others neither.
 GREY_LEVELS = 24

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, Fit
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 def data_information(fit: Fit, chosen: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -4,14 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.band import Body
 from marker_tracker_node.tracking.estimator.numbers import BAND, CABLE, CYLINDER, FOCAL, TILT
-
-FloatArray = NDArray[np.float64]
 
 # A step of the fit may lead beyond this share of a number, where it has no logarithm.
 LEAST = -0.95

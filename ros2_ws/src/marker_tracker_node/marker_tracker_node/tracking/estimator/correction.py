@@ -6,16 +6,13 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.fit import fitted
 from marker_tracker_node.tracking.estimator.numbers import COUNT, FOCAL, SCALE, TILT, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
 from marker_tracker_node.tracking.estimator.verdict import EXPLAINED, Verdict
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 # Right numbers of 101 consistent films came to 5.4 deviations of the data, once to 6.3 along an
 # axis on which positions hardly depend.

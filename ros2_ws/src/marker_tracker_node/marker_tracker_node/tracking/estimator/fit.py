@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.problem import Problem
-
-FloatArray = NDArray[np.float64]
 
 # A sighting of so many deviations counts half.
 _CAUCHY = 3.0

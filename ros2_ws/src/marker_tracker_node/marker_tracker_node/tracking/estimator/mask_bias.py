@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
+
 Sigmas = tuple[tuple[float, float], ...]
 
 # One standard deviation [px] along the cylinder and across it, of a constant, of what goes with the
@@ -32,7 +30,7 @@ BESIDE = 2.6
 CUT_SCATTER = 0.25
 
 
-def cut_off(bands: FloatArray, cable_radius: float) -> tuple[BoolArray, BoolArray]:
+def cut_off(bands: FloatArray, cable_radius: float) -> tuple[FlagArray, FlagArray]:
     """Return which bands lie beside a turn at -z, and at +z, that may cut them off, shape (k,).
 
     Args:
@@ -47,7 +45,7 @@ def cut_off(bands: FloatArray, cable_radius: float) -> tuple[BoolArray, BoolArra
 def bias_shapes(
     azimuth: FloatArray,
     row: IndexArray,
-    cuts: tuple[BoolArray, BoolArray],
+    cuts: tuple[FlagArray, FlagArray],
     common: Sigmas = COMMON,
 ) -> tuple[FloatArray, FloatArray]:
     """Return what each unit of bias adds to the pictures, and what is believed of it.

@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
 from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_band, solve_band
 from winding_core.compiling import called, compiled
-
-FloatArray = NDArray[np.float64]
 
 # Rows of `band_pictures` after the picture itself; tilt and place have three.
 TILT, PLACE = 1, 4

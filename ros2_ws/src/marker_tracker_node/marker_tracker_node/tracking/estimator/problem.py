@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCamera
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
@@ -49,8 +49,6 @@ from marker_tracker_node.tracking.estimator.numbers import (
     TIMES,
     ZERO,
 )
-
-FloatArray = NDArray[np.float64]
 
 # Inverse variance of what is taken as it is, to a micrometre or a microradian.
 HELD = 1.0e12

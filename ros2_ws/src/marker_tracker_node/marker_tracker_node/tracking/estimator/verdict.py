@@ -6,14 +6,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.carried import data_information
 from marker_tracker_node.tracking.estimator.fit import Fit, fitted
 from marker_tracker_node.tracking.estimator.numbers import CLOCK, COUNT, NUMBERS, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem
-
-FloatArray = NDArray[np.float64]
 
 # Releasing a prior must explain so much: in 101 consistent films it explained 9.3 at most.
 _LEAST_GAIN = 10.0

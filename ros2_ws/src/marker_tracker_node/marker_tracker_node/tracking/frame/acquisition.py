@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.detection.band import surface_point
 from marker_tracker_node.detection.colour_band import NEW_AREA, WHOLE_AREA
@@ -48,10 +48,8 @@ from marker_tracker_node.tracking.frame.laid_path import (
     mean_gap,
     search_reach,
 )
-from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
+from marker_tracker_node.tracking.state import CANDIDATES, Candidates, Marks, Setup
 from winding_core.compiling import called
-
-FloatArray = NDArray[np.float64]
 
 P0_REACH = 0.45
 # An encoder or clock that is wrong has P0 so far from its place [rad]: a camera that is 0.25 s late

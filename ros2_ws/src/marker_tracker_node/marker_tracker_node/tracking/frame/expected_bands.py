@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.detection.gate import (
     COVERED,
@@ -35,10 +35,8 @@ from marker_tracker_node.tracking.frame.laid_path import (
     covered_by_span,
     unknown_beside,
 )
-from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Setup
+from marker_tracker_node.tracking.state import Marks, Setup
 from winding_core.compiling import called
-
-FloatArray = NDArray[np.float64]
 
 
 class Expected(NamedTuple):

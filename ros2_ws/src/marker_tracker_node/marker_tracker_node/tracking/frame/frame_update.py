@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from marker_tracker_node.arrays import ByteArray, FloatArray, IndexArray
 from marker_tracker_node.detection.band import moved_band
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.detectors import measure_mark
@@ -45,7 +43,6 @@ from marker_tracker_node.tracking.frame.run_means import update_means, update_sh
 from marker_tracker_node.tracking.machine_motion import advance_machine, phase_lock
 from marker_tracker_node.tracking.state import (
     FixedNumbers,
-    IndexArray,
     Marks,
     Output,
     Rows,
@@ -55,9 +52,6 @@ from marker_tracker_node.tracking.state import (
     setup_of,
 )
 from winding_core.compiling import called, compiled
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 
 AREA_SHARE = 0.05
 JUMP_THETA = 0.12

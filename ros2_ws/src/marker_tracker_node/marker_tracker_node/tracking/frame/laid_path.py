@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.tracking.state import (
     BY_READINGS,
@@ -20,8 +18,6 @@ from marker_tracker_node.tracking.state import (
     Tracks,
 )
 from winding_core.compiling import called
-
-FloatArray = NDArray[np.float64]
 
 TAIL = 0.5
 # Before the contact line the free span stands off the cylinder: within these azimuths [rad] it

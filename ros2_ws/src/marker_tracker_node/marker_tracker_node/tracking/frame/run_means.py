@@ -4,17 +4,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
 from marker_tracker_node.camera.pinhole import pixels_per_metre
 from marker_tracker_node.detection.band import Body
 from marker_tracker_node.detection.gate import CLIPPED, COVERED, HIDDEN, PARTLY
-from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
+from marker_tracker_node.tracking.state import Marks, Output, Run, Setup
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
-
-FloatArray = NDArray[np.float64]
 
 FLAG_OCCLUDED = int(MarkerFlag.OCCLUDED)
 FLAG_CLIPPED = int(MarkerFlag.CLIPPED)
