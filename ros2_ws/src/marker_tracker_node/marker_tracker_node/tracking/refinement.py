@@ -13,7 +13,7 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.configured import body_without, camera_without
 from marker_tracker_node.tracking.estimator.fit import fitted
-from marker_tracker_node.tracking.estimator.numbers import CABLE, NUMBERS, PLACE, TILT, ZERO
+from marker_tracker_node.tracking.estimator.numbers import CABLE, FOCAL, NUMBERS, PLACE, TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.frame.run_means import BENT_OVER_RUN, bent_height
 from marker_tracker_node.tracking.sightings import Sightings
@@ -27,7 +27,7 @@ CARRIED = 4.0
 # Numbers beside the pose that are not taken as they are configured. Paint that is not as thick as
 # the cable looks like a cable of another diameter.
 _DOUBTS = {number: NUMBERS[number].doubt for number in (ZERO, CABLE)}
-_POSE = np.arange(TILT, TILT + 6)
+_POSE = np.arange(TILT, FOCAL)
 
 
 @dataclass(frozen=True, kw_only=True)

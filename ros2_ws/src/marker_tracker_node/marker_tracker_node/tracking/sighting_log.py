@@ -8,16 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
+from marker_tracker_node.tracking.estimator.problem import COLUMNS
 from marker_tracker_node.tracking.state import TURN, Burst, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
-# Rows kept; a full log drops what lies between the first and the newest quarter.
+# Rows kept, of some minutes at the rate of the log; a full one drops what lies between the first
+# and the newest quarter.
 _ROWS = 16384
-_QUARTER = _ROWS // 4
-# Columns of `Seen.rows`; `_passings` has two more.
-_COLUMNS = 11
 # Every so many rows and columns of a picture show how bright it is.
 _LIGHT_STRIDE = 16
 
@@ -45,7 +44,7 @@ class SightingLog:
 
     def __init__(self) -> None:
         self.laps: dict[tuple[int, int], Lap] = {}
-        self._rows = _Table(_COLUMNS)
+        self._rows = _Table(COLUMNS)
         self._motion = _Table(2)
 
     @property
@@ -108,8 +107,9 @@ class _Table:
         """Take rows, shape (n, columns)."""
         while len(rows):
             if self._count == _ROWS:
-                self._values[_QUARTER : 2 * _QUARTER] = self._values[-_QUARTER:]
-                self._count = 2 * _QUARTER
+                first, second, _, newest = np.split(self._values, 4)
+                second[:] = newest
+                self._count = len(first) + len(second)
             taken, rows = rows[: _ROWS - self._count], rows[_ROWS - self._count :]
             self._values[self._count : self._count + len(taken)] = taken
             self._count += len(taken)
@@ -131,7 +131,7 @@ def _passings(
         marker was in sight and not found, and the mean grey level of the frame, shape (n, 13).
     """
     motion, count = np.empty((kept.size, 2)), 0
-    found, passings = np.empty((kept.size * rows.shape[1], _COLUMNS + 2)), 0
+    found, passings = np.empty((kept.size * rows.shape[1], COLUMNS + 2)), 0
     for k in kept:
         if math.isnan(readings[1, k]):
             continue

@@ -9,8 +9,8 @@ import numpy as np
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.problem import Problem
 
-# A sighting of so many deviations counts half.
-_CAUCHY = 3.0
+# So many deviations are no chance: one number in 370 is as far off. Such a sighting counts half.
+SURE = 3.0
 # The cost of a good step falls by more than this, else the fit has settled.
 _SETTLED = 0.2
 _STEPS = 16
@@ -68,8 +68,8 @@ def _at(problem: Problem, prior: FloatArray, centre: FloatArray, x: FloatArray) 
     off, slopes = problem.linearised(x)
     off, slopes = off / problem.sigma[:, None], slopes / problem.sigma[:, None, None]
     square = (off**2).sum(axis=1)
-    weight = 1.0 / (1.0 + square / _CAUCHY**2)
-    cost = _CAUCHY**2 * float(np.log1p(square / _CAUCHY**2).sum())
+    weight = 1.0 / (1.0 + square / SURE**2)
+    cost = SURE**2 * float(np.log1p(square / SURE**2).sum())
     area, by_area = problem.area(x)
     flat = slopes.reshape(-1, x.size)
     weighted = flat * np.repeat(weight, 2)[:, None]

@@ -12,10 +12,9 @@ from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_
 from winding_core.compiling import called, compiled
 
 # Rows of `band_pictures` after the picture itself; tilt and place have three.
-TILT, PLACE = 1, 4
-AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH, _ROWS = range(7, 13)
+_, TILT, _, _, PLACE, _, _, AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH, _ROWS = range(13)
 # Differences of the band model are taken over so much of the radius, and of a radian.
-_STEP = 1.0e-4
+STEP = 1.0e-4
 # The visible half of a ring acts like a point this far out, in radii of the cable beyond its
 # centre line: 0.57 to 0.76, see `band`.
 _OUTSIDE = 0.6
@@ -43,16 +42,16 @@ def band_pictures(
     """
     out = np.empty((bands.shape[0], _ROWS, 2))
     r, radius = body.cable_radius, body.rho - body.cable_radius
-    wider = Body(body.rho + _STEP * radius, r, body.half_band, body.half_around)
-    thicker = Body(body.rho + _STEP * r, r * (1.0 + _STEP), body.half_band, body.half_around)
-    longer = Body(body.rho, r, body.half_band * (1.0 + _STEP), body.half_around)
+    wider = Body(body.rho + STEP * radius, r, body.half_band, body.half_around)
+    thicker = Body(body.rho + STEP * r, r * (1.0 + STEP), body.half_band, body.half_around)
+    longer = Body(body.rho, r, body.half_band * (1.0 + STEP), body.half_around)
     for k in range(bands.shape[0]):
         row = bands[k]
         band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
         a, b, _area = band_centroid(view, body, band)
         out[k, 0, 0], out[k, 0, 1] = a, b
         _by_camera(view, body, band, a, b, out[k])
-        further = moved_band(band, band.azimuth + _STEP, band.z)
+        further = moved_band(band, band.azimuth + STEP, band.z)
         _by_difference(band_centroid(view, body, further), out[k], AZIMUTH)
         _by_difference(band_centroid(view, wider, band), out[k], CYLINDER)
         _by_difference(band_centroid(view, thicker, band), out[k], CABLE)
@@ -93,8 +92,8 @@ def _by_difference(
     moved: tuple[float, float, float], out: FloatArray, row: int
 ) -> None:  # pragma: no cover
     """Write the derivatives that follow from a band that has moved by a step."""
-    out[row, 0] = (moved[0] - out[0, 0]) / _STEP
-    out[row, 1] = (moved[1] - out[0, 1]) / _STEP
+    out[row, 0] = (moved[0] - out[0, 0]) / STEP
+    out[row, 1] = (moved[1] - out[0, 1]) / STEP
 
 
 @called
