@@ -269,5 +269,5 @@ def _back_project(
         return math.nan, math.nan
     depth = (-half - math.sqrt(room)) / square
     azimuth = math.atan2(view.y + depth * dy, view.x + depth * dx)
-    azimuth += 2.0 * math.pi * round((near - azimuth) / (2.0 * math.pi))
+    azimuth += math.tau * round((near - azimuth) / (math.tau))
     return azimuth, view.z + depth * dz

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
-from marker_tracker_node.detection.gate import ANY, FIRST_COLOUR, TABLE_SIZE, Picture
+from marker_tracker_node.detection.gate import FIRST_COLOUR, TABLE_SIZE, Picture
 
 LEVELS = 32
 # Light from a third to three times the sampled one, with the clipping that comes with it.
@@ -269,11 +269,6 @@ class Palette(NamedTuple):
         """Return a frame of shape (rows, columns, 3) in which P0's colour is sought."""
         first = self.tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
         return Picture(pixels, first, self.tables, self.colour_of)
-
-    @property
-    def any(self) -> ByteArray:
-        """One where a pixel has the colour of any marker, shape (32768,)."""
-        return self.tables[ANY * TABLE_SIZE : FIRST_COLOUR * TABLE_SIZE]
 
     @classmethod
     def nothing(cls, markers: int) -> Palette:

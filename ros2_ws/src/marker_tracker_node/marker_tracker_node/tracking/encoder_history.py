@@ -90,7 +90,7 @@ class EncoderHistory:
     @property
     def lost_turns(self) -> int:
         """Turns that the encoder lost by wrapping."""
-        return round(self._wraps / (2.0 * math.pi))
+        return round(self._wraps / (math.tau))
 
     @property
     def latest(self) -> float:

@@ -46,7 +46,7 @@ def lost_turns(step: float, expected: float) -> float:  # pragma: no cover
     """
     if min(expected, 0.0) - math.pi <= step <= max(expected, 0.0) + math.pi:
         return 0.0
-    turn = 2.0 * math.pi
+    turn = math.tau
     return turn * round((expected - step) / turn)
 
 

@@ -12,6 +12,7 @@ from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.pictures import seen_again
 from marker_tracker_node.tracking.estimator.problem import ANGLE, AZIMUTH, LAP, MARKER, TIME, Z
+from marker_tracker_node.tracking.frame.run_means import STEP
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import (
     PATH_STEP,
@@ -23,10 +24,8 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
-# Numbers are corrected anew for places that change by so many of their doubts.
-_CHANGED = 0.5
-# Readings that are looked back upon, and those of which the speed is taken.
-_RECENT, _SPEED_ROWS = 512, 10
+# Readings of which the speed is taken: a ramp changes it by little meanwhile.
+_SPEED_ROWS = 10
 _BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
 
 
@@ -95,7 +94,7 @@ class Recalibration:
         change = np.abs([found.theta, found.z] - _places(marks, found))
         if not self.made:
             return found.carried
-        return bool((change > _CHANGED * np.sqrt(found.doubt)).any())
+        return bool((change > STEP * np.sqrt(found.doubt)).any())
 
     def turned_ahead(self, motion: FloatArray, readings: FloatArray) -> FloatArray:
         """Return how much further than reported the cylinder has turned [rad], shape (k,).
@@ -108,7 +107,7 @@ class Recalibration:
         t, angle = readings
         late = (t - motion[0, 0]) * self.errors[TIMES] / (1.0 + self.errors[TIMES])
         newer = readings[:, np.isfinite(angle) & (t > motion[-1, 0])]
-        times, angles = np.hstack([motion[-_RECENT:].T, newer])
+        times, angles = np.hstack([motion.T, newer])
         few = slice(-_SPEED_ROWS, None)
         passed = float(np.ptp(times[few]))
         speed = float(angles[-1] - angles[few][0]) / passed if passed else 0.0
@@ -123,9 +122,8 @@ class Recalibration:
             rows: Of SEEN, shape (k,).
             setup: With which they were measured.
         """
-        if self.begun is None:
-            return np.column_stack([rows[name] for name in _BAND[:2]])
-        return _seen(_bands(rows), setup, self.begun)
+        bands = bands_of(rows)
+        return bands[:, :2] if self.begun is None else _seen(bands, setup, self.begun)
 
     def make(
         self,
@@ -152,7 +150,7 @@ class Recalibration:
         scale = float(factors[SCALE] * factors[TIMES])
         for burst in memory:
             rows = burst.rows.ravel()
-            rows["azimuth"], rows["seen_height"] = _seen(_bands(rows), *setups).T
+            rows["azimuth"], rows["seen_height"] = _seen(bands_of(rows), *setups).T
             burst.angle[:] *= scale
         self.errors, self.made, self.posed = found.errors, found.carried, found.posed
         log.forget(found.unexplained)
@@ -168,7 +166,7 @@ class Recalibration:
         seen = log.sightings[log.sightings[:, MARKER] == 0]
         newest = seen[seen[:, LAP] == seen[:, LAP].max()]
         angle = newest[:, ANGLE] + self.turned_ahead(log.motion, newest[:, [TIME, ANGLE]].T)
-        azimuth = newest[:, AZIMUTH] + 2.0 * math.pi * newest[:, LAP]
+        azimuth = newest[:, AZIMUTH] + math.tau * newest[:, LAP]
         return float(np.median(azimuth - angle))
 
 
@@ -182,7 +180,7 @@ def _seen(bands: FloatArray, old: Setup, new: Setup) -> FloatArray:
     return seen_again(old.camera, old.body, new.camera, new.body, bands)
 
 
-def _bands(rows: Rows) -> FloatArray:
+def bands_of(rows: Rows) -> FloatArray:
     """Return the fields of `Band` of rows of SEEN, shape (k, 7)."""
     return np.column_stack([rows[name] for name in _BAND])
 
@@ -196,7 +194,7 @@ def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
         new: With which they are.
     """
     bands = sightings[:, AZIMUTH:].copy()
-    bands[:, 0] += 2.0 * math.pi * sightings[:, LAP]
+    bands[:, 0] += math.tau * sightings[:, LAP]
     again = _seen(bands, old, new)
     grown = again[:, 0] - bands[:, 0]
     sightings[:, AZIMUTH] += grown

@@ -9,13 +9,13 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
-from marker_tracker_node.tracking.checks.camera_zero import CameraZero
+from marker_tracker_node.tracking.checks.camera_zero import LOOK_STEP, CameraZero
 from marker_tracker_node.tracking.checks.misplaced_camera import MisplacedCamera
 from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.frame.acquisition import P0_REACH
 from marker_tracker_node.tracking.p0_search import (
     NEAR_START,
-    TURN,
     BandSearch,
     MovingBand,
     sample_colour,
@@ -23,16 +23,12 @@ from marker_tracker_node.tracking.p0_search import (
 from marker_tracker_node.tracking.state import Burst, Setup
 from winding_core.units import MILLIMETRE
 
-# Frames in between show nothing of what moves with the cylinder [rad].
-LOOK_STEP = 0.01
-# The acquisition of markers finds P0 itself so far from where the encoder places it [rad].
-BELIEVED = 0.45
 # A camera that was set by tape measure stands no farther from its height [m].
 MOST_HEIGHT = 0.03
 # What is still measured as P0 after so much of the way moves with the cylinder [rad].
 MOVED = 0.2
 # The doubts about a P0 that was sampled end after so much of the way [rad], and so many looks.
-DOUBTED, LEAST_LOOKS = 2.0 * TURN, 20
+DOUBTED, LEAST_LOOKS = 2.0 * math.tau, 20
 
 
 class RunStart:
@@ -185,7 +181,7 @@ class RunStart:
 
     def _found(self, band: MovingBand, frame: ByteArray, angle: float, guide: float) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""
-        off = math.remainder(band.offset + self.origin, TURN)
+        off = math.remainder(band.offset + self.origin, math.tau)
         known = self.colour is not None
         if not known:
             samples = np.concatenate(band.samples)
@@ -195,15 +191,16 @@ class RunStart:
                 self.refusal, self._followed, self.proven = str(refusal), False, False
                 return False
             self.refusal = ""
-        if abs(off) < BELIEVED:
+        # The acquisition of markers finds P0 itself there.
+        if abs(off) < P0_REACH:
             return False
         place = angle + band.offset
         # The guide gives the whole turns: an encoder that is not zeroed does not count them.
         advance = self._config.advance_per_radian
         turns = 0
         if math.isfinite(guide) and advance > 0.0:
-            turns = max(round((guide / advance - place) / TURN), math.ceil(-place / TURN))
-        self.origin = -band.offset - TURN * turns
+            turns = max(round((guide / advance - place) / math.tau), math.ceil(-place / math.tau))
+        self.origin = -band.offset - math.tau * turns
         self._remarks.append(
             f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
             + self._or_height(off)

@@ -9,7 +9,7 @@ import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.problem import COLUMNS
-from marker_tracker_node.tracking.state import TURN, Burst, Rows
+from marker_tracker_node.tracking.state import Burst, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
@@ -33,6 +33,11 @@ class Lap:
     def frames(self) -> int:
         """Frames that had the marker in sight."""
         return self.measured + self.missed
+
+    @property
+    def share(self) -> float:
+        """Share of those that measured it."""
+        return self.measured / max(self.frames, 1)
 
 
 class SightingLog:
@@ -147,10 +152,10 @@ def _passings(
                 azimuth = angles[k] - row.theta
             if math.isnan(light):
                 light = _grey_level(frames[k])
-            lap = round(azimuth / TURN)
+            lap = round(azimuth / math.tau)
             one = found[passings]
             one[0], one[1], one[2], one[3] = n, lap, readings[0, k], motion[count - 1, 1]
-            one[4], one[5], one[6] = azimuth - TURN * lap, row.seen_height, row.slope
+            one[4], one[5], one[6] = azimuth - math.tau * lap, row.seen_height, row.slope
             one[7], one[8], one[9], one[10] = row.low, row.high, row.below, row.above
             one[11], one[12] = missed, light
             passings += 1

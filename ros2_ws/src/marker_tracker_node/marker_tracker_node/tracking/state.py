@@ -24,7 +24,6 @@ from winding_core.compiling import called
 Rows: TypeAlias = Any
 Record = TypeVar("Record")
 
-TURN = 2.0 * math.pi
 CANDIDATES = 8
 PATH_STEP = 0.05
 PATH_SIZE = 8192
@@ -179,7 +178,10 @@ def record_dtype(record: type) -> np.dtype[np.void]:
 
 RUN, MARK, CANDIDATE, SEEN = (record_dtype(kind) for kind in (Run, Marks, Candidates, Output))
 # The bytes of a marker of which a frame shows nothing: nan everywhere and no flag.
-_UNSEEN = np.array((*[math.nan] * (len(SEEN.fields or ()) - 1), 0), dtype=SEEN).tobytes()
+_NOTHING = np.zeros(1, dtype=SEEN)
+for _name, (_dtype, *_) in (SEEN.fields or {}).items():
+    _NOTHING[_name] = math.nan if _dtype.kind == "f" else 0
+_UNSEEN = _NOTHING.tobytes()
 
 
 def by_field(rows: Rows, record: type[Record]) -> Record:

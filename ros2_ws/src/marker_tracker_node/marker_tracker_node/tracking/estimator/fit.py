@@ -14,6 +14,8 @@ SURE = 3.0
 # The cost of a good step falls by more than this, else the fit has settled.
 _SETTLED = 0.2
 _STEPS = 16
+# With fewer sightings nothing is estimated.
+LEAST_ROWS = 12
 # So much is known of everything, for numbers that nothing else tells.
 LEAST_INFORMATION = 1.0e-9
 

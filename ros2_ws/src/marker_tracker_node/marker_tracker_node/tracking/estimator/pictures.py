@@ -9,15 +9,13 @@ import numpy as np
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
 from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_band, solve_band
+from marker_tracker_node.tracking.frame.gate_prediction import RING_DEPTH
 from winding_core.compiling import called, compiled
 
 # Rows of `band_pictures` after the picture itself; tilt and place have three.
 _, TILT, _, _, PLACE, _, _, AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH, _ROWS = range(13)
 # Differences of the band model are taken over so much of the radius, and of a radian.
 STEP = 1.0e-4
-# The visible half of a ring acts like a point this far out, in radii of the cable beyond its
-# centre line: 0.57 to 0.76, see `band`.
-_OUTSIDE = 0.6
 
 
 @compiled
@@ -101,7 +99,7 @@ def _by_camera(
     view: CameraView, body: Body, band: Band, a: float, b: float, out: FloatArray
 ) -> None:  # pragma: no cover
     """Write the derivatives by tilt, position and z: those of a point of the picture at (a, b)."""
-    outside = body.rho + _OUTSIDE * body.cable_radius
+    outside = body.rho + RING_DEPTH * body.cable_radius
     x, y = outside * math.cos(band.azimuth), outside * math.sin(band.azimuth)
     if band.azimuth < 0.0:
         x, y = outside, body.rho * band.azimuth

@@ -31,6 +31,7 @@ from marker_tracker_node.tracking.estimator.configured import (
 from marker_tracker_node.tracking.estimator.mask_bias import (
     COMMON,
     CUT_SCATTER,
+    Sigmas,
     bias_shapes,
     cut_off,
 )
@@ -108,7 +109,7 @@ class Problem:
         markers: Numbers of those that were seen, ascending.
     """
 
-    def __init__(self, seen: Seen, common: float = COMMON) -> None:
+    def __init__(self, seen: Seen, common: Sigmas = COMMON) -> None:
         """Take what was seen, and what the mask may have wrong in all of it [px]."""
         rows = seen.rows
         self._seen = seen
@@ -116,7 +117,7 @@ class Problem:
         count = self.markers.size
         self._first_z = COUNT + count
         self._first_bias = COUNT + 2 * count
-        turn = 2.0 * math.pi
+        turn = math.tau
         azimuth = rows[:, AZIMUTH] + turn * rows[:, LAP]
         self._bands = np.column_stack([azimuth, rows[:, Z : Z + 6]])
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning

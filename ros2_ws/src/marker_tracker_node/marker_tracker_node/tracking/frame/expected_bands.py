@@ -149,7 +149,7 @@ def expect_band(
 @called
 def _away(azimuth: float) -> float:  # pragma: no cover
     """Return an azimuth [rad] without its whole turns."""
-    return azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
+    return azimuth - math.tau * round(azimuth / (math.tau))
 
 
 @called

@@ -21,9 +21,9 @@ FLAG_PREDICTED = int(MarkerFlag.PREDICTED)
 
 # Frames that a run mean remembers; without an end it could not follow a slip.
 MEMORY = 400.0
+# So many give its first value, and its scatter.
 REFERENCE_FRAMES = 20.0
 RECENT_SHARE = 0.1
-VARIANCE_SHARE = 0.05
 SHIFT_SHARE = 0.02
 # A wound angle that leans on the encoder carries the camera's tilt and counts less.
 ENCODER_TRUST = 0.2
@@ -38,11 +38,8 @@ CUT = 0.12
 BENT = 0.045
 # What a run leaves of that, whose share of a band depends on its azimuth.
 BENT_OVER_RUN = 0.5
-# What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
-# and across it [px].
-MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.06
-# A band is an ellipse from the side; nearer to the limb than this its scale changes no more.
-LEAST_FACING = 0.3
+# What of the bias is left over a run, in which a band is seen under every azimuth [px].
+MEAN_BIAS = 0.06
 # A corrected value is gone over to by so much of its deviation in each frame.
 STEP = 0.5
 
@@ -110,8 +107,8 @@ def update_means(
         part = mine / marks.weight[n]
         marks.theta[n] += part * d_theta
         marks.height[n] += part * d_height
-        marks.var_theta[n] += VARIANCE_SHARE * (own_theta * own_theta - marks.var_theta[n])
-        marks.var_height[n] += VARIANCE_SHARE * (own_height * own_height - marks.var_height[n])
+        marks.var_theta[n] += (own_theta * own_theta - marks.var_theta[n]) / REFERENCE_FRAMES
+        marks.var_height[n] += (own_height * own_height - marks.var_height[n]) / REFERENCE_FRAMES
         marks.recent[n] += RECENT_SHARE * (theta - marks.recent[n])
         if marks.weight[n] <= REFERENCE_FRAMES:
             marks.reference[n] = marks.theta[n]
@@ -235,10 +232,10 @@ def _mean_variances(
     """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
     weight = max(marks.weight[n], 1.0)
     return (
-        (MEAN_BIAS_ALONG * facing[0]) ** 2
+        (MEAN_BIAS * facing[0]) ** 2
         + _scatter(marks.var_theta[n], facing[0]) / weight
         + marks.doubt_theta[n],
-        (MEAN_BIAS_ACROSS * facing[1]) ** 2
+        (MEAN_BIAS * facing[1]) ** 2
         + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
         + _scatter(marks.var_height[n], facing[1]) / weight
         + marks.doubt_height[n],
@@ -257,7 +254,7 @@ def pixel_size(setup: Setup, azimuth: float) -> tuple[float, float]:  # pragma: 
     rho = setup.body.rho
     facing = math.cos(azimuth)
     height = 1.0 / pixels_per_metre(setup.camera, abs(setup.camera.x) - rho * facing)
-    return height / (rho * max(facing, LEAST_FACING)), height
+    return height / (rho * facing), height
 
 
 @called
