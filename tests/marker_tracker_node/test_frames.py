@@ -13,12 +13,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.parametrize(
     ("case", "theta_bar", "z_bar"),
-    [
-        (3, 3.0e-3, 0.12e-3),
-        (5, 3.0e-3, 0.12e-3),
-        (9, 1.0e-3, 0.05e-3),
-        (12, 1.0e-3, 0.05e-3),
-    ],
+    [(3, 3.0e-3, 0.12e-3), (5, 3.0e-3, 0.12e-3), (9, 1.0e-3, 0.05e-3), (12, 1.0e-3, 0.05e-3)],
 )
 def test_single_frames_meet_the_specified_accuracy(smooth_film, case, theta_bar, z_bar):
     film = smooth_film(case, camera=SENSOR)

@@ -71,9 +71,7 @@ def lay_of(case, rng):
     """A cable that wanders about the law of a free length of its own and never lies in itself."""
     rho, diameter = case.centreline_radius, 2.0 * case.cable_radius
     law = FleetAngleLaw(
-        advance_per_radian=DRIVE.advance_per_radian,
-        free_length=rng.uniform(0.17, 0.23),
-        radius=rho,
+        advance_per_radian=DRIVE.advance_per_radian, free_length=rng.uniform(0.17, 0.23), radius=rho
     )
     turn = round(2.0 * math.pi / 0.01)
     wave, phase = rng.uniform(4.0, 15.0), rng.uniform(0.0, 2.0 * math.pi)

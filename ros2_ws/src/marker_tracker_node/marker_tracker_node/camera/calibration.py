@@ -160,10 +160,7 @@ def calibrate(pictures: Sequence[ByteArray], board: Board) -> Calibration:
             "and in the corners as well, and tilted"
         ) from error
     return Calibration(
-        camera=camera,
-        residual=float(residual),
-        views=len(seen),
-        refused=len(pictures) - len(seen),
+        camera=camera, residual=float(residual), views=len(seen), refused=len(pictures) - len(seen)
     )
 
 

@@ -115,12 +115,7 @@ class ColourModel:
         )
 
     def of_hue(self, hue: float, spread: float) -> ColourModel:
-        """Return the model of a paint of another hue [deg] in the same scene and light.
-
-        Args:
-            hue: Middle of its hues [deg].
-            spread: Half width of the accepted hues [deg].
-        """
+        """Return the model of a paint of hues around another one [deg], in the same scene."""
         accepted = hue_region(hue, spread, self.min_saturation)
         if self.scene is not None:
             accepted = accepted & _more_marker_than_background(

@@ -90,13 +90,7 @@ class Fit(NamedTuple):
 
 @compiled
 def fit_outline(
-    picture: Picture,
-    gates: Gates,
-    n: int,
-    view: CameraView,
-    body: Body,
-    band: Band,
-    area: float,
+    picture: Picture, gates: Gates, n: int, view: CameraView, body: Body, band: Band, area: float
 ) -> Fit:  # pragma: no cover
     """Return where a band lies of which a part may be unknown, expected in gate n.
 

@@ -17,10 +17,7 @@ from winding_core.markers import BAND, DOT
 
 # Modules of detectors by `marker_kind`; named as modules, so that a change in one compiles anew
 # the kernels that reach it, see `compiling`.
-DETECTORS = {
-    BAND: colour_band,
-    DOT: colour_band,
-}
+DETECTORS = {BAND: colour_band, DOT: colour_band}
 _MODULES = tuple(dict.fromkeys(DETECTORS.values()))
 
 

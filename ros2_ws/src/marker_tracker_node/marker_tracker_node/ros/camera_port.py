@@ -113,12 +113,7 @@ class CameraPort:
             self._show(t, frame)
 
     def exposed(self, t: float, began_ns: int) -> None:
-        """Note that the pixels of a frame are there, for `winding run --trace`.
-
-        Args:
-            t: Its instant [s].
-            began_ns: When that was, by `time.time_ns`.
-        """
+        """Note when the pixels of time t [s] were there, by `time.time_ns`, for a run's trace."""
         self._node.endpoints.trace.exposed(t, began_ns)
 
     def _show(self, t: float, frame: ByteArray) -> None:

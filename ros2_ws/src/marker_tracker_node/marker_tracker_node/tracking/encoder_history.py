@@ -52,12 +52,9 @@ class EncoderHistory:
         return self._count
 
     def add(self, t: float, angle: float, guide: float) -> None:
-        """Take a reading of time t [s]; one that is not newer than the last is left out.
+        """Take angle [rad] and guide position [m] of time t [s]; whole turns may be missing.
 
-        Args:
-            t: [s]
-            angle: Of the cylinder [rad]; whole turns may be missing.
-            guide: Position [m].
+        A reading that is not newer than the last is left out.
         """
         if self._count and not t > self.latest:
             return

@@ -97,15 +97,9 @@ class RunEvidence:
         readings: FloatArray,
         out: Burst,
     ) -> None:
-        """Take the frames of a burst.
+        """Take the frames of a burst, shape (k, rows, columns, 3), and what they yielded.
 
-        Args:
-            frames: Shape (k, rows, columns, 3).
-            palette: Colours of the markers.
-            fixed: See `fixed_numbers`.
-            state: After the burst.
-            readings: See `update_burst`.
-            out: What the frames yielded.
+        The state is that after the burst; for readings see `update_burst`.
         """
         taken = []
         for k, t in enumerate(readings[0].tolist()):
@@ -177,12 +171,7 @@ def _marker_before(marks: Rows, theta: float) -> int:  # pragma: no cover
 
 @called
 def _band_share(
-    picture: Picture,
-    setup: Setup,
-    cable: LaidCable,
-    theta: float,
-    azimuth: float,
-    gates: Gates,
+    picture: Picture, setup: Setup, cable: LaidCable, theta: float, azimuth: float, gates: Gates
 ) -> float:  # pragma: no cover
     """Return how much of a band at a wound angle between markers has the markers' colour.
 

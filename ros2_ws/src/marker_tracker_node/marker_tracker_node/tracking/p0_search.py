@@ -70,13 +70,7 @@ class _Place:
 def sample_colour(
     frame: ByteArray, config: TrackerConfig, setup: Setup, angle: float
 ) -> ColourModel:
-    """Learn the colour from P0, which stands at azimuth `angle` and z = 0.
-
-    Args:
-        frame: Shape (rows, columns, 3).
-        config: Machine and cable.
-        setup: Machine and camera for the kernels.
-        angle: Cylinder angle [rad].
+    """Learn the colour from P0, which stands at azimuth `angle` [rad] and z = 0 in a frame.
 
     Raises:
         ColourRefusedError: P0 is not there, or its pixels define no colour.
@@ -114,20 +108,11 @@ def sample_colour(
 
 
 def locate_marker(
-    frame: ByteArray,
-    colour: ColourModel,
-    setup: Setup,
-    angle: float,
-    area: tuple[float, float],
+    frame: ByteArray, colour: ColourModel, setup: Setup, angle: float, area: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return where P0's band appears near its place at azimuth `angle`, z = 0 [px].
+    """Return where P0's band appears near its place at azimuth `angle` [rad], z = 0 [px].
 
-    Args:
-        frame: Shape (rows, columns, 3).
-        colour: Of the markers.
-        setup: Machine and camera for the kernels.
-        angle: Azimuth of P0 [rad].
-        area: Least and most accepted share of the pixels that its band should fill.
+    Area is the least and the most accepted share of the pixels that it should fill.
 
     Raises:
         ColourRefusedError: Nothing of its size is there.

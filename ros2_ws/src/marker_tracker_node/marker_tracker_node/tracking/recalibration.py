@@ -14,14 +14,7 @@ from marker_tracker_node.tracking.estimator.pictures import seen_again
 from marker_tracker_node.tracking.estimator.problem import ANGLE, AZIMUTH, LAP, MARKER, TIME, Z
 from marker_tracker_node.tracking.frame.run_means import STEP
 from marker_tracker_node.tracking.sighting_log import SightingLog
-from marker_tracker_node.tracking.state import (
-    PATH_STEP,
-    Burst,
-    Marks,
-    Rows,
-    Setup,
-    TrackerState,
-)
+from marker_tracker_node.tracking.state import PATH_STEP, Burst, Marks, Rows, Setup, TrackerState
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
 # Readings of which the speed is taken: a ramp changes it by little meanwhile.
@@ -32,10 +25,8 @@ _BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
 def turned(marks: Marks, errors: FloatArray, setups: tuple[Setup, Setup]) -> Correction:
     """Return where a turn of the camera, found in P0 alone, puts the markers.
 
-    Args:
-        marks: The markers.
-        errors: By how much each of `NUMBERS` is set too large, shape (numbers,).
-        setups: With which was measured, and with which it is from now on.
+    Errors are those of `NUMBERS`, shape (numbers,); setups that with which was measured, and the
+    new one.
     """
     known = np.flatnonzero(marks.known)
     bands = np.tile([0.0, 0.0, 0.0, -math.pi, math.pi, math.inf, math.inf], (known.size, 1))
@@ -118,9 +109,7 @@ class Recalibration:
     def as_begun(self, rows: Rows, setup: Setup) -> FloatArray:
         """Return azimuths [rad] and z [m] with the numbers with which the run began, shape (k, 2).
 
-        Args:
-            rows: Of SEEN, shape (k,).
-            setup: With which they were measured.
+        Rows of SEEN, shape (k,), were measured with the setup.
         """
         bands = bands_of(rows)
         return bands[:, :2] if self.begun is None else _seen(bands, setup, self.begun)
@@ -135,12 +124,7 @@ class Recalibration:
     ) -> None:
         """Take what was measured so far as corrected numbers have it.
 
-        Args:
-            found: The correction.
-            state: Written in place.
-            log: Its sightings are written.
-            memory: Bursts, written.
-            setups: With which was measured, and with which it is from now on.
+        State, log and memory are written; setups are that with which was measured, and the new one.
         """
         marks, cylinder = state.marks, state.run.cylinder
         self.begun = self.begun or setups[0]
@@ -186,13 +170,7 @@ def bands_of(rows: Rows) -> FloatArray:
 
 
 def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
-    """Write azimuth and z with a new setup; return by how much P0's azimuths grow [rad].
-
-    Args:
-        sightings: See `Seen.rows`, shape (k, 11).
-        old: With which they were measured.
-        new: With which they are.
-    """
+    """Write azimuth and z of `Seen.rows` as a new setup has them; return what P0's gain [rad]."""
     bands = sightings[:, AZIMUTH:].copy()
     bands[:, 0] += math.tau * sightings[:, LAP]
     again = _seen(bands, old, new)
@@ -203,13 +181,7 @@ def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
 
 
 def _turn(state: TrackerState, ahead: float, scale: float) -> None:
-    """Take another angle of the cylinder.
-
-    Args:
-        state: Written in place.
-        ahead: How much further it has turned than was taken [rad].
-        scale: By what wound angles are multiplied.
-    """
+    """Take an angle of the cylinder that is further `ahead` [rad], wound angles times a scale."""
     run = state.run
     run.cylinder.angle += ahead
     run.cylinder.read += ahead
@@ -223,12 +195,9 @@ def _turn(state: TrackerState, ahead: float, scale: float) -> None:
 
 
 def _place(marks: Marks, found: Correction, area: float) -> None:
-    """Take other places of the markers; what is published goes over to them.
+    """Take other places of the markers, and so many times what is measured of expected areas.
 
-    Args:
-        marks: Written in place.
-        found: The correction.
-        area: By what measured over expected areas are multiplied.
+    What is published goes over to them.
     """
     known = found.markers
     turn, rise = [found.theta, found.z] - _places(marks, found)

@@ -47,13 +47,7 @@ class RunStart:
     def __init__(
         self, config: TrackerConfig, camera: PinholeCamera, colour: ColourModel | None
     ) -> None:
-        """Start with what is given.
-
-        Args:
-            config: Machine, cable and nominal camera pose.
-            camera: Content of CameraInfo.
-            colour: Of the markers; None to learn it from P0.
-        """
+        """Start with a nominal camera pose, and the markers' colour; None to learn it from P0."""
         self.colour = colour
         self.origin = 0.0
         self.refusal = "" if colour is not None else "no frame with P0 yet"
@@ -74,11 +68,7 @@ class RunStart:
     def take(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
         """Take a frame; return whether what was known of the markers before is void.
 
-        Args:
-            frame: Shape (rows, columns, 3).
-            setup: Machine and camera.
-            angle: Reading of the encoder [rad]; nan where it is missing.
-            guide: Its position [m]; nan where it is missing.
+        The encoder's reading [rad] and the guide's position [m] are nan where they are missing.
         """
         void = False
         if math.isnan(self._begun) and math.isfinite(angle):
@@ -97,12 +87,7 @@ class RunStart:
         return void
 
     def saw(self, t: float, out: Burst) -> bool:
-        """Take what was measured of a frame; return whether what was known before is void.
-
-        Args:
-            t: Its time [s].
-            out: Of one frame.
-        """
+        """Take what a frame of time t [s] yielded; return whether what was known before is void."""
         turned = abs(float(out.angle[0]) + self.origin - self._begun)
         self._followed |= turned > MOVED and math.isfinite(float(out.rows[0, 0]["azimuth"]))
         void = not self.posed and self.zero.saw(t, out)

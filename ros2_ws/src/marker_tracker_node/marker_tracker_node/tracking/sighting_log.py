@@ -67,13 +67,9 @@ class SightingLog:
         self._rows.keep(~np.isin(self._rows.values[:, 0], numbers))
 
     def take(self, frames: ByteArray, kept: IndexArray, readings: FloatArray, out: Burst) -> None:
-        """Take some frames of a burst.
+        """Take frames of a burst, those of the kept numbers, shape (n,), and what they yielded.
 
-        Args:
-            frames: Shape (k, rows, columns, 3).
-            kept: Numbers of those that are taken, shape (n,).
-            readings: See `update_burst`; a frame without the encoder's is not taken.
-            out: What the frames yielded.
+        For readings see `update_burst`; a frame without the encoder's is not taken.
         """
         motion, passings = _passings(frames, kept, readings, out.angle, out.ahead, out.rows)
         self._motion.add(motion)

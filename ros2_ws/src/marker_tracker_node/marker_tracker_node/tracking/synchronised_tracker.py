@@ -89,11 +89,7 @@ class Synchroniser:
         self._newest_frame = max(self._newest_frame, t)
 
     def ready(self, *, final: bool = False) -> Iterator[PairedFrame]:
-        """Yield the frames whose encoder reading is known, or will not come in time.
-
-        Args:
-            final: Whether no reading comes any more.
-        """
+        """Yield frames whose reading is known, or will not come in time; none comes if final."""
         while self._frames:
             t, frame, heard = self._frames[0]
             instant = t - self.correction
@@ -164,11 +160,7 @@ class SynchronisedTracker:
         self._pairs.add_frame(t, frame)
 
     def measured(self, *, final: bool = False) -> Iterator[tuple[float, Markers]]:
-        """Yield stamp [s] and records of the frames that can be measured now.
-
-        Args:
-            final: Whether no reading comes any more.
-        """
+        """Yield stamp [s] and records of what can be measured now; no reading comes if final."""
         if self.tracker is None or self.clock is None:
             return
         for pair in self._pairs.ready(final=final):

@@ -182,11 +182,9 @@ class Tracker:
         return self.state.shift - self.origin - self._numbers.moved
 
     def rebase(self, shift: float, *, forget: bool) -> None:
-        """Take another azimuth of P0 at encoder angle zero.
+        """Take another azimuth of P0 at encoder angle zero, as in `seen` [rad].
 
-        Args:
-            shift: That azimuth, as in `seen` [rad].
-            forget: Whether what was found of P1 and later rests on wrong readings.
+        Forget what was found of P1 and later where that rests on wrong readings.
         """
         self.state.run.shift = shift + self._numbers.moved - self._numbers.ahead
         if forget:

@@ -84,13 +84,7 @@ class ClockOffset:
     """
 
     def __init__(self, history: EncoderHistory, bands: int, limit: float) -> None:
-        """Start without sightings.
-
-        Args:
-            history: The encoder's readings.
-            bands: Number of bands, P0 first.
-            limit: Largest offset that has to be found [s].
-        """
+        """Start without sightings of some bands, P0 first; offsets up to a limit [s] are found."""
         self.estimate = ClockEstimate()
         self._history = history
         steps = math.ceil((limit + BEYOND) / GRID)
@@ -103,12 +97,7 @@ class ClockOffset:
         self._found_at = -math.inf
 
     def add(self, t: float, azimuths: FloatArray) -> None:
-        """Take what was seen in a frame.
-
-        Args:
-            t: Its stamp [s].
-            azimuths: Of the bands [rad], nan where not seen, shape (bands,).
-        """
+        """Take azimuths of bands [rad] in a frame stamped t [s], nan where not seen, (bands,)."""
         if not len(self._history):
             return
         for n in np.flatnonzero(np.isfinite(azimuths)):
@@ -226,13 +215,7 @@ class CameraClock:
     def __init__(
         self, settings: ClockSettings, config: TrackerConfig, history: EncoderHistory
     ) -> None:
-        """Start with nothing known.
-
-        Args:
-            settings: What to do about the offset.
-            config: Of the tracker.
-            history: The encoder's readings.
-        """
+        """Start with nothing known."""
         self.settings = settings
         self.withheld = False
         self.applied = False
@@ -262,10 +245,7 @@ class CameraClock:
     def lead(self, t: float, angle: float, shift: float) -> float:
         """Return how much further than by reading and shift P0 stands in a frame [rad].
 
-        Args:
-            t: Stamp of the frame [s].
-            angle: Reading that the frame is paired with [rad].
-            shift: See `Run` [rad].
+        It is stamped t [s], and paired with that reading [rad]; the shift is that of a `Run` [rad].
         """
         # Every second frame without P0 asks the encoder alone, should the estimate be wrong.
         if not math.isfinite(self.estimate.shift) or self._missed % 2:
@@ -285,11 +265,9 @@ class CameraClock:
         return P0_REACH if self._missed and not self._shown else 0.0
 
     def take(self, t: float, azimuths: FloatArray) -> None:
-        """Take what was seen in a frame that had a reading.
+        """Take the azimuths [rad] that were seen in a frame that had a reading, stamped t [s].
 
-        Args:
-            t: Its stamp [s].
-            azimuths: Of the bands [rad], nan where not seen, shape (markers,).
+        They are nan where a band was not seen, shape (markers,).
         """
         self._offset.add(t, azimuths)
         estimate = self.estimate
@@ -322,11 +300,7 @@ class CameraClock:
             self.doubt[self.doubt > 0.5 * self._tolerance] = math.inf
 
     def stray(self, lead: float) -> None:
-        """Take note of a frame whose stamp lies far outside the encoder's readings.
-
-        Args:
-            lead: How far it is ahead of them, negative for behind [s].
-        """
+        """Take note of how far a stamp lies ahead of all readings, negative for behind [s]."""
         self._strayed = lead
 
     @property

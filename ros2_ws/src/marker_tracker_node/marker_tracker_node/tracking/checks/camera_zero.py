@@ -68,13 +68,8 @@ class CameraZero:
     def take(self, frame: ByteArray, colour: ColourModel, setup: Setup, angle: float) -> bool:
         """Take a frame before it is measured; return whether the pose has changed.
 
-        An uncorrected milliradian would shift every wound angle by 20 on a small cylinder.
-
-        Args:
-            frame: Shape (rows, columns, 3).
-            colour: Of the markers.
-            setup: Machine and camera as used at present.
-            angle: Of the cylinder where P0 lands at zero [rad]; nan where it is missing.
+        An uncorrected milliradian would shift every wound angle by 20 on a small cylinder. The
+        angle is that of the cylinder where P0 lands at zero [rad], nan where it is missing.
         """
         if math.isnan(angle) or not self._rests(angle) or len(self._rest) >= REST_FRAMES:
             return False
@@ -95,12 +90,7 @@ class CameraZero:
         return self._turn(self._explained(np.array(self._rest), self._config.pose, _TILTS)[0])
 
     def saw(self, t: float, out: Burst) -> bool:
-        """Take what was measured of a frame; return whether the pose has changed.
-
-        Args:
-            t: Its time [s].
-            out: Of one frame.
-        """
+        """Take what a frame of time t [s] yielded; return whether the pose has changed."""
         angle = float(out.angle[0])
         if self._rests(angle) or math.isnan(angle):
             return False
@@ -150,16 +140,11 @@ class CameraZero:
     def _explained(
         self, rows: FloatArray, used: CameraPose, doubted: Iterable[int]
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the turn of the nominal pose about its x and y axes that explains P0, shape (2,).
+        """Return the turn of the nominal pose that explains P0 [rad], and its deviation, (2,) each.
 
-        Args:
-            rows: Angle of the cylinder [rad], and azimuth, z, slope, low and high of P0's band (see
-                `Band`) of each frame, shape (k, 6).
-            used: Pose with which they were measured.
-            doubted: Numbers that are not taken as they are configured.
-
-        Returns:
-            Turn [rad] and one standard deviation, each of shape (2,).
+        Rows are the angle of the cylinder [rad], and azimuth, z, slope, low and high of P0's band
+        (see `Band`) as measured with a pose, shape (k, 6); the doubted numbers are not taken as
+        configured.
         """
         count, angle = len(rows), rows[:, :1]
         problem = Problem(

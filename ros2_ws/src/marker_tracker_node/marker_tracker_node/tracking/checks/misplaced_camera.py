@@ -54,14 +54,9 @@ class MisplacedCamera:
     ) -> str:
         """Take a frame; return where the camera may stand, empty while that is not known.
 
-        Args:
-            frame: Shape (rows, columns, 3).
-            setup: Machine and camera.
-            angle: Reading of the encoder [rad].
-            guide: Its position [m]; nan where it is missing.
-            followed: Azimuth less angle of what is followed as P0 already, which may be a later
-                marker [rad]; nan if nothing is.
-            colour: Of the markers; None if it is not known.
+        The encoder reads `angle` [rad], the guide stands at `guide` [m], nan where that is missing.
+        What is followed as P0 already, with an azimuth so far ahead of the reading [rad], may be a
+        later marker; nan if nothing is. The markers' colour is None if it is not known.
         """
         if abs(angle - self._looked) < PROOF_ADVANCE:
             return ""

@@ -45,10 +45,7 @@ class Correction:
 def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction | None:
     """Return what the sightings correct; None where nothing is to be changed.
 
-    Args:
-        problem: Sightings and model.
-        verdict: What explains them.
-        made: Whether they were measured with a correction, which may have to be taken back.
+    If they were measured with a correction, `made`, that may have to be taken back.
     """
     others = verdict.released
     turning = {one.number in (SCALE, TIMES) for one in others}

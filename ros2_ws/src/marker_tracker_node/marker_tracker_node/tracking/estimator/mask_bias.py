@@ -31,11 +31,9 @@ CUT_SCATTER = 0.25
 
 
 def cut_off(bands: FloatArray, cable_radius: float) -> tuple[FlagArray, FlagArray]:
-    """Return which bands lie beside a turn at -z, and at +z, that may cut them off, shape (k,).
+    """Return which bands a turn at -z, and one at +z, may cut off, shape (k,).
 
-    Args:
-        bands: Fields of `Band`, shape (k, 7).
-        cable_radius: [m]
+    Bands have the fields of `Band`, shape (k, 7); the cable's radius is in [m].
     """
     low, high, below, above = bands.T[3:]
     near = BESIDE * cable_radius
@@ -43,21 +41,12 @@ def cut_off(bands: FloatArray, cable_radius: float) -> tuple[FlagArray, FlagArra
 
 
 def bias_shapes(
-    azimuth: FloatArray,
-    row: IndexArray,
-    cuts: tuple[FlagArray, FlagArray],
-    common: Sigmas = COMMON,
+    azimuth: FloatArray, row: IndexArray, cuts: tuple[FlagArray, FlagArray], common: Sigmas = COMMON
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what each unit of bias adds to the pictures, and what is believed of it.
+    """Return what units of bias add to pictures, (k, 2, biases), and their sigmas [px], (biases,).
 
-    Args:
-        azimuth: Of each sighting [rad], shape (k,).
-        row: Place of each sighting's marker among those that were seen, shape (k,).
-        cuts: See `cut_off`.
-        common: What is believed of all bands in common [px].
-
-    Returns:
-        Shapes, (k, 2, biases), and one standard deviation of each [px], (biases,).
+    Sightings have azimuths [rad] and the place of their marker among those seen, shape (k,); for
+    cuts see `cut_off`, `common` is what is believed of all bands in common [px].
     """
     sine = np.sin(azimuth)
     curves = np.array([np.ones(sine.size), sine, 2.0 * sine**2 - 1.0])

@@ -63,15 +63,8 @@ def seen_again(
 ) -> FloatArray:  # pragma: no cover
     """Return azimuth [rad] and z [m] of bands as another camera and body explain their pictures.
 
-    Args:
-        view: The camera with which they were measured.
-        body: What they were taken to be painted on.
-        other: The camera that explains them.
-        painted: What they are then painted on.
-        bands: Fields of `Band`, shape (k, 7).
-
-    Returns:
-        Shape (k, 2); as they were where the other camera sees no cable.
+    Bands are rows of the fields of `Band`, shape (k, 7), measured with the first view and body.
+    Those of which the other camera sees no cable stay as they were. Shape (k, 2).
     """
     out = bands[:, :2].copy()
     for k in range(bands.shape[0]):

@@ -82,15 +82,8 @@ def expect_bands(
 ) -> None:  # pragma: no cover
     """Write where the known markers are expected, and the gates of those in sight.
 
-    Args:
-        picture: Frame and colours.
-        setup: Machine and camera.
-        shutter: Of the frame.
-        cable: As laid at the frame.
-        turned: Cylinder angle as the camera is expected to see it [rad].
-        lead: How much further P0 is expected [rad].
-        gates: Written.
-        expected: Written.
+    The cylinder has turned so far as the camera is expected to see it [rad]; P0 is expected further
+    by a lead [rad].
     """
     marks = cable.marks
     count = marks.known.size
@@ -173,13 +166,7 @@ def _beside(setup: Setup, marks: Marks, n: int) -> bool:  # pragma: no cover
 
 @called
 def _guard(
-    setup: Setup,
-    marks: Marks,
-    n: int,
-    below: bool,
-    above: bool,
-    gates: Gates,
-    expected: Expected,
+    setup: Setup, marks: Marks, n: int, below: bool, above: bool, gates: Gates, expected: Expected
 ) -> None:  # pragma: no cover
     """Cut the band n and its gate off before the turn below or above; see `guarded`."""
     band = guarded(setup, expected_band(marks, expected, n), below, above)

@@ -18,10 +18,7 @@ from marker_tracker_node.detection.band import (
     point_around,
     section_at,
 )
-from marker_tracker_node.detection.gate import (
-    Gates,
-    gate_place,
-)
+from marker_tracker_node.detection.gate import Gates, gate_place
 from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA
 from marker_tracker_node.tracking.state import Setup
 from winding_core.compiling import called, compiled

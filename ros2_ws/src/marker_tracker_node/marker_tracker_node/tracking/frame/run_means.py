@@ -46,12 +46,9 @@ STEP = 0.5
 
 @called
 def update_shift(run: Run, azimuth: float, turned: float) -> None:  # pragma: no cover
-    """Take a frame in which P0 may have been seen into the shift.
+    """Take the azimuth of P0 as seen [rad], nan where it is not, into the shift of a run.
 
-    Args:
-        run: Shift and its weight written.
-        azimuth: Of P0 as seen [rad], nan where not.
-        turned: Cylinder angle as the camera is expected to see it [rad].
+    The cylinder's angle as the camera is expected to see it is `turned` [rad].
     """
     if run.cylinder.blind or not math.isfinite(azimuth):
         return
@@ -78,12 +75,8 @@ def update_means(
 ) -> None:  # pragma: no cover
     """Take the bands measured in frame k into the run means; write their wound angles.
 
-    Args:
-        marks: The markers.
-        outcome: What came of looking for each, shape (markers,).
-        out: Holds azimuth and z as seen; receives the wound angle of what was measured.
-        k: Number of the frame.
-        turned: Cylinder angle as the camera sees it [rad].
+    Outcomes say what came of looking for each marker, shape (markers,); the cylinder's angle as the
+    camera sees it is `turned` [rad].
     """
     with_p0 = math.isfinite(out.azimuth[k, 0])
     base = out.azimuth[k, 0] if with_p0 else turned
@@ -126,14 +119,8 @@ def write_results(
 ) -> None:  # pragma: no cover
     """Write wound angle and height from P0, their deviations and the flags of frame k.
 
-    Args:
-        setup: Machine and camera.
-        marks: The markers.
-        outcome: What came of looking for each, shape (markers,).
-        touching: Whether its band touches another, shape (markers,).
-        turned: Cylinder angle as the camera sees it [rad].
-        out: Holds what was measured.
-        k: Number of the frame.
+    Outcomes and whether bands touch have shape (markers,); the cylinder's angle as the camera sees
+    it is `turned` [rad].
     """
     p0_seen = math.isfinite(out.seen_height[k, 0])
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
@@ -194,14 +181,9 @@ def write_results(
 def _follow(
     out: FloatArray, left: FloatArray, k: int, n: int, variance: float
 ) -> float:  # pragma: no cover
-    """Let what is published go over to a corrected value; return the variance of what is left.
+    """Let what is published of marker n go over to a corrected value of a variance.
 
-    Args:
-        out: Published values, shape (frames, markers); written.
-        left: What they still have of those before, shape (markers,); written.
-        k: Number of the frame.
-        n: Number of the marker.
-        variance: Of the value.
+    Return the variance of what is left of the way; `out` and `left`, see `Marks`, are written.
     """
     left[n] -= math.copysign(min(abs(left[n]), STEP * math.sqrt(variance)), left[n])
     out[k, n] += left[n]
