@@ -84,13 +84,6 @@ def test_every_marker_may_have_a_colour_of_its_own(paper_film):
     assert np.abs(z).max() < 0.15e-3
 
 
-def test_dots_may_have_colours(paper_film):
-    film = paper_film(9, camera=FULL_VIEW, dot_size=DOT, **painted(0.0, 50.0))
-    records, theta, _ = track(film, 8.0, marker_hue=0.0, marker_hues=(0.0, 50.0))
-    assert np.isfinite(records["theta"][-1]).all()
-    assert np.abs(theta).max() < 8.0e-3
-
-
 @pytest.mark.parametrize("spacing", [1.0, 0.55], ids=["spacing right", "spacing too short"])
 def test_a_missed_arrival_shifts_no_number_where_colours_identify(paper_film, spacing):
     film = paper_film(9, camera=FULL_VIEW, **painted(*HUES))

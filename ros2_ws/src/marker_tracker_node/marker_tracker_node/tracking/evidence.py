@@ -44,9 +44,9 @@ _PERIOD = 0.02
 _GRID = 0.17
 # The gate is so many times as long, and as wide, as that of a band whose place is known.
 _ROOM = 1.7
-# A place is looked at in so many laps; a band is believed when it was there in so many of them, and
-# most of the gap is without one: something yellow in front of the cylinder is wherever one looks.
-_LOOKS, _LAPS, _MOST_OF_GAP = 3, 2, 0.3
+# A place is looked at in so many laps; a band is believed when it was there in more than one, and
+# in so much of the gap at most: something yellow in front of the cylinder is wherever one looks.
+_LOOKS, _MOST_OF_GAP = 3, 0.3
 # Cable is expected no farther.
 _PLACES = int(PATH_SIZE * PATH_STEP / _GRID)
 
@@ -84,7 +84,7 @@ class RunEvidence:
             if len(places) > max(_MOST_OF_GAP * np.count_nonzero(mine.any(axis=1)), 3):
                 continue
             both = (slice(place, place + 2) for place in places)
-            if any(len(set(looks.lap[two][there[two]].tolist())) >= _LAPS for two in both):
+            if any(len(set(looks.lap[two][there[two]].tolist())) > 1 for two in both):
                 markers.append(n)
         return tuple(markers)
 

@@ -27,8 +27,8 @@ from winding_core.units import MILLIMETRE
 MOST_HEIGHT = 0.03
 # What is still measured as P0 after so much of the way moves with the cylinder [rad].
 MOVED = 0.2
-# The doubts about a P0 that was sampled end after so much of the way [rad], and so many looks.
-DOUBTED, LEAST_LOOKS = 2.0 * math.tau, 20
+# The doubts about a P0 that was sampled end after two turns, and so many looks.
+LEAST_LOOKS = 20
 
 
 class RunStart:
@@ -147,7 +147,7 @@ class RunStart:
             doubt = self._doubts.add(frame, setup, angle)
             if doubt:
                 return self._withdraw(doubt)
-        far = abs(angle - self._begun) > DOUBTED and self._looks > LEAST_LOOKS
+        far = abs(angle - self._begun) > 2.0 * math.tau and self._looks > LEAST_LOOKS
         self.proven = self.colour is not None and far
         return False
 

@@ -19,7 +19,6 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called
 
-TAIL = 0.5
 # Before the contact line the free span stands off the cylinder: farther than this [rad] it hangs
 # before the turn beside it, nearer to the line it lies beside that.
 SPAN_LAST = -0.3
@@ -135,10 +134,10 @@ def band_beside_turns(
     lean = setup.body.rho / math.hypot(setup.body.rho, slope)
     diameter = 2.0 * setup.body.cable_radius
     turn = math.tau
-    if theta - turn > -TAIL:
+    if theta - turn > -BAND_REACH:
         away = (z - corrected_height(cable, theta - turn)[0]) * lean
         below, above = _nearer(below, above, away)
-    if azimuth > turn - TAIL:
+    if azimuth > turn - BAND_REACH:
         away = (corrected_height(cable, theta + turn)[0] - z) * lean
         if known_around(cable.marks, theta + turn)[1] < 0:
             # Beyond the last marker the path is only expected: no turn lies in the one before.
