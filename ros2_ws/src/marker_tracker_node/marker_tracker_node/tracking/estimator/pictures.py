@@ -8,7 +8,14 @@ import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
-from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_band, solve_band
+from marker_tracker_node.detection.band import (
+    Band,
+    Body,
+    band_centroid,
+    band_of,
+    moved_band,
+    solve_band,
+)
 from marker_tracker_node.tracking.frame.gate_prediction import RING_DEPTH
 from winding_core.compiling import called, compiled
 
@@ -44,8 +51,7 @@ def band_pictures(
     thicker = Body(body.rho + STEP * r, r * (1.0 + STEP), body.half_band, body.half_around)
     longer = Body(body.rho, r, body.half_band * (1.0 + STEP), body.half_around)
     for k in range(bands.shape[0]):
-        row = bands[k]
-        band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+        band = band_of(bands[k])
         a, b, _area = band_centroid(view, body, band)
         out[k, 0, 0], out[k, 0, 1] = a, b
         _by_camera(view, body, band, a, b, out[k])
@@ -68,8 +74,7 @@ def seen_again(
     """
     out = bands[:, :2].copy()
     for k in range(bands.shape[0]):
-        row = bands[k]
-        band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+        band = band_of(bands[k])
         a, b, _area = band_centroid(view, body, band)
         a, b = a * view.fx / other.fx, b * view.fy / other.fy
         azimuth, z = solve_band(other, painted, a, b, band)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from marker_tracker_node.arrays import ByteArray, FloatArray, IndexArray
-from marker_tracker_node.detection.band import moved_band
+from marker_tracker_node.detection.band import band_of, moved_band
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
@@ -29,7 +29,6 @@ from marker_tracker_node.tracking.frame.expected_bands import (
     empty_expected,
     expect_band,
     expect_bands,
-    expected_band,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
     Shutter,
@@ -205,7 +204,7 @@ def _measure(
     k: int,
 ) -> int:  # pragma: no cover
     """Measure the known marker n in frame k and return what came of it."""
-    band = expected_band(marks, expected, n)
+    band = band_of(expected.bands[n])
     pixels, place = expected.pixels[n], band
     area = marks.area[n]
     if several_colours(picture):

@@ -12,12 +12,10 @@ from marker_tracker_node.tracking.state import Marks, Output, Run, Setup
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
-FLAG_OCCLUDED = int(MarkerFlag.OCCLUDED)
-FLAG_CLIPPED = int(MarkerFlag.CLIPPED)
-FLAG_TOUCHING = int(MarkerFlag.TOUCHING)
-FLAG_SLIPPED = int(MarkerFlag.SLIPPED)
-FLAG_NOT_WOUND = int(MarkerFlag.NOT_WOUND)
-FLAG_PREDICTED = int(MarkerFlag.PREDICTED)
+OCCLUDED, CUT_OFF, TOUCHING, SLIPPED, NOT_WOUND, PREDICTED = (
+    int(MarkerFlag[name])
+    for name in ("OCCLUDED", "CLIPPED", "TOUCHING", "SLIPPED", "NOT_WOUND", "PREDICTED")
+)
 
 # Frames that a run mean remembers; without an end it could not follow a slip.
 MEMORY = 400.0
@@ -138,7 +136,7 @@ def write_results(
         if not marks.known[n] or (n > 0 and turned < marks.recent[n]):
             out.theta[k, n] = out.height[k, n] = math.nan
             out.sigma_theta[k, n] = out.sigma_height[k, n] = math.nan
-            out.marker_flags[k, n] = FLAG_NOT_WOUND
+            out.marker_flags[k, n] = NOT_WOUND
             continue
         flags = 0
         if math.isfinite(out.azimuth[k, n]):
@@ -155,25 +153,25 @@ def write_results(
             own_theta += marks.doubt_theta[n]
             own_height += marks.doubt_height[n]
         else:
-            flags |= FLAG_PREDICTED
+            flags |= PREDICTED
             out.theta[k, n] = marks.theta[n]
             out.height[k, n] = marks.height[n] - marks.height[0]
             own_theta, own_height = _mean_variances(setup, facing, marks, n)
             own_theta += mean_theta
             own_height += mean_height
             if outcome[n] == CLIPPED:
-                flags |= FLAG_CLIPPED
+                flags |= CUT_OFF
             if outcome[n] == HIDDEN or outcome[n] == COVERED:
-                flags |= FLAG_OCCLUDED
+                flags |= OCCLUDED
         if marks.left_theta[n] != 0.0 or marks.left_height[n] != 0.0:
             own_theta += _follow(out.theta, marks.left_theta, k, n, own_theta)
             own_height += _follow(out.height, marks.left_height, k, n, own_height)
         out.sigma_theta[k, n] = math.sqrt(own_theta)
         out.sigma_height[k, n] = math.sqrt(own_height + twisted)
         if touching[n]:
-            flags |= FLAG_TOUCHING
+            flags |= TOUCHING
         if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:
-            flags |= FLAG_SLIPPED
+            flags |= SLIPPED
         out.marker_flags[k, n] = flags
 
 
@@ -197,7 +195,8 @@ def _bias_variances(
     """Return what azimuth [rad^2] and z [m^2] of a band measured in frame k may have in common."""
     angle, height = pixel_size(setup, out.azimuth[k, n])
     cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
-    pixels = frame_variance(cut)
+    # What scatter does not show.
+    pixels = BIAS**2 + (CUT**2 if cut else 0.0)
     return angle * angle * pixels, height * height * pixels + bent_height(setup.body) ** 2
 
 
@@ -237,12 +236,6 @@ def pixel_size(setup: Setup, azimuth: float) -> tuple[float, float]:  # pragma: 
     facing = math.cos(azimuth)
     height = 1.0 / pixels_per_metre(setup.camera, abs(setup.camera.x) - rho * facing)
     return height / (rho * facing), height
-
-
-@called
-def frame_variance(cut: bool) -> float:  # pragma: no cover
-    """Return the variance of a band's middle in one frame that its scatter does not show [px^2]."""
-    return BIAS**2 + (CUT**2 if cut else 0.0)
 
 
 @called
