@@ -33,10 +33,9 @@ class EncoderHistory:
     def __init__(self, longest_gap: float | None = None, *, complete: bool = False) -> None:
         """Start without readings.
 
-        Args:
-            longest_gap: Longest gap that is interpolated [s]; None for a few measured periods.
-            complete: Whether readings come as far ahead of the frames as is looked, as those of
-                a recording do.
+        Gaps are interpolated up to the longest one [s], of a few measured periods if that is None.
+        Readings are complete that come as far ahead of the frames as is looked, as a recording's
+        do.
         """
         self._longest_gap = longest_gap
         self._complete = complete

@@ -90,10 +90,8 @@ class Recalibration:
     def turned_ahead(self, motion: FloatArray, readings: FloatArray) -> FloatArray:
         """Return how much further than reported the cylinder has turned [rad], shape (k,).
 
-        Args:
-            motion: As reported so far: times [s], counted from the first, and angles from the
-                landing of P0 [rad], shape (n, 2).
-            readings: Times of frames [s], and angles as reported [rad], shape (2, k).
+        Motion is as reported so far, times [s] and angles from the landing of P0 [rad], shape (n,
+        2); readings are times of frames [s] and angles as reported [rad], shape (2, k).
         """
         t, angle = readings
         late = (t - motion[0, 0]) * self.errors[TIMES] / (1.0 + self.errors[TIMES])

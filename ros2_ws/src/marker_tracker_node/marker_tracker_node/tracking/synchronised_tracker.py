@@ -57,11 +57,8 @@ class Synchroniser:
     ) -> None:
         """Start without frames.
 
-        Args:
-            history: To which readings are added.
-            patience: How far frames may run ahead of a silent encoder before they go without
-                it [s].
-            longest_lead: How far stamps may lie outside the readings of one that speaks [s].
+        Frames may run ahead of a silent encoder by `patience` [s], and stamps may lie outside the
+        readings of one that speaks by `longest_lead` [s].
         """
         self.history = EncoderHistory() if history is None else history
         self.correction = 0.0
@@ -134,10 +131,7 @@ class SynchronisedTracker:
     ) -> None:
         """Take readings and frames from now on; frames wait until `start`.
 
-        Args:
-            settings: What to do about the camera's clock.
-            history: To which readings are added.
-            beside: Takes each frame after the tracker has measured it.
+        Readings are added to the history; each frame is given to `beside` once it is measured.
         """
         self.tracker: Tracker | None = None
         self.clock: CameraClock | None = None

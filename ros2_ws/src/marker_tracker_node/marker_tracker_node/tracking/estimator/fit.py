@@ -42,11 +42,8 @@ def fitted(
 ) -> Fit:
     """Return the unknowns of least cost.
 
-    Args:
-        problem: Sightings and model.
-        prior: Inverse variances, zero for markers, shape (unknowns,).
-        start: Unknowns to start at, shape (unknowns,).
-        centre: Of the prior, shape (unknowns,); None for zero.
+    The prior's inverse variances, zero for markers, its centre, zero if None, and the unknowns to
+    start at have the shape (unknowns,).
     """
     centre = np.zeros(prior.size) if centre is None else centre
     best = _at(problem, prior, centre, start)

@@ -155,14 +155,10 @@ class Problem:
         return prior
 
     def linearised(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what the unknowns leave unexplained, and its derivatives by them.
+        """Return what unknowns, shape (unknowns,), leave unexplained, and its derivatives by them.
 
-        Args:
-            x: Unknowns, shape (unknowns,).
-
-        Returns:
-            Measured less explained picture, shape (k, 2) [px], and derivatives of what is
-            explained, shape (k, 2, unknowns).
+        That is the measured less the explained picture, shape (k, 2) [px], and derivatives of what
+        is explained, shape (k, 2, unknowns).
         """
         rows = self._seen.rows
         turned, speed, at = self._motion(x)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
-from marker_tracker_node.detection.band import Band, band_of
+from marker_tracker_node.detection.band import band_of
 from marker_tracker_node.detection.gate import (
     COVERED,
     OUT_OF_SIGHT,
