@@ -30,7 +30,7 @@ class Number(NamedTuple):
 
 # Scales of encoder and times: no gear slips, clocks keep far better time.
 _CLOCKWORK = 5.0e-4
-# A bracket's pose: a spirit level, of half of that beside a roll; a tape measure, a steel rule.
+# A bracket's pose: a spirit level, along an edge for the roll; a tape measure, a steel rule.
 _LEVEL, _ROLL, _TAPE, _RULE = 0.01, 5.0e-3, 2.0e-3, 7.0e-4
 # Diameters: a caliper. Focal length: six views of a board, see docs/vision.md.
 _CALIPER = 1.0e-3
