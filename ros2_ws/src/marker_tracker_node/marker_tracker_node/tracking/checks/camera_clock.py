@@ -32,9 +32,9 @@ from winding_core.units import MILLISECOND
 # Sightings kept of each band; one that moved and aged by less shows the same as the last [rad, s].
 ROWS = 128
 SPACING_ANGLE, SPACING_TIME = 0.02, 0.1
-# Offsets are tried so far apart [s]: between them angles are interpolated, in a ramp of
-# 1.74 rad/s^2 to 0.1 mrad.
-GRID = 0.02
+# Offsets are tried this far beyond the limit [s], and so far apart [s]: between them angles are
+# interpolated, in a ramp of 1.74 rad/s^2 to 0.1 mrad.
+BEYOND, GRID = 0.25, 0.02
 # An offset that leaves less than this share of the sightings within the encoder's readings is none.
 COVERED = 0.5
 # One azimuth errs by so much, and by so much together with all others at its speed [rad].
@@ -87,8 +87,7 @@ class ClockOffset:
         """Start without sightings of some bands, P0 first; offsets up to a limit [s] are found."""
         self.estimate = ClockEstimate()
         self._history = history
-        # So far beyond the readings frames are used.
-        steps = math.ceil(2.0 * limit / GRID)
+        steps = math.ceil((limit + BEYOND) / GRID)
         self._offsets = GRID * np.arange(-steps, steps + 1)
         self._t, self._azimuth, self._weight = np.zeros((3, bands, ROWS))
         # The encoder where the sightings were by each offset; nan before it has come so far.

@@ -19,6 +19,8 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called
 
+# Cable lies beside a band from so far before P0 on, and so far before the landing [rad].
+TAIL = 0.5
 # Before the contact line the free span stands off the cylinder: farther than this [rad] it hangs
 # before the turn beside it, nearer to the line it lies beside that.
 SPAN_LAST = -0.3
@@ -134,10 +136,10 @@ def band_beside_turns(
     lean = setup.body.rho / math.hypot(setup.body.rho, slope)
     diameter = 2.0 * setup.body.cable_radius
     turn = math.tau
-    if theta - turn > -BAND_REACH:
+    if theta - turn > -TAIL:
         away = (z - corrected_height(cable, theta - turn)[0]) * lean
         below, above = _nearer(below, above, away)
-    if azimuth > turn - BAND_REACH:
+    if azimuth > turn - TAIL:
         away = (corrected_height(cable, theta + turn)[0] - z) * lean
         if known_around(cable.marks, theta + turn)[1] < 0:
             # Beyond the last marker the path is only expected: no turn lies in the one before.
