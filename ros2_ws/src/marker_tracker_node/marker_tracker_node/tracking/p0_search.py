@@ -19,7 +19,7 @@ from marker_tracker_node.detection.colour import (
 )
 from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE, PROOF_HITS
+from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
 from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT
 from marker_tracker_node.tracking.state import Setup
@@ -35,6 +35,8 @@ NEAR_START = 0.3
 WHOLE_ENOUGH = 0.5
 # It stays at its place of the cylinder within this [rad], as poorly as the camera's pose is known.
 SAME_ANGLE = 0.08
+# It proves itself by moving with the cylinder as long as markers do, in so many frames.
+PROOF_SIGHTINGS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,7 +155,7 @@ class MovingBand:
     def proven(self) -> bool:
         """Whether it moves with the cylinder."""
         moved = abs(self.last - self.first)
-        return self.sightings >= PROOF_HITS and moved >= PROOF_ADVANCE
+        return self.sightings >= PROOF_SIGHTINGS and moved >= PROOF_ADVANCE
 
 
 class BandSearch:

@@ -30,8 +30,6 @@ _LEAST_SHARE = 0.1
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
 _LEAST_ALONE, _LEFT_ALONE = 30.0, 0.3
-# So many numbers are named at most.
-_MOST_WRONG = 2
 
 
 class Explanation(NamedTuple):
@@ -84,7 +82,8 @@ def judged(problem: Problem) -> Verdict:
     if first:
         second = _explanations(problem, first[0].fit)
         wrong = (first, second) if second else wrong
-    if len(wrong) < _MOST_WRONG and problem.markers.size > 1:
+    # One number is named, or two.
+    if len(wrong) < 2 and problem.markers.size > 1:
         fit = first[0].fit if first else usual
         least = max(_LEAST_ALONE, _LEAST_SHARE * (usual.cost - fit.cost))
         beside = _within_doubt(fit, [one[0].number for one in wrong], least)
@@ -125,7 +124,7 @@ def _within_doubt(
 
     exact, chosen = cost(named), list(named)
     best = exact
-    while best > _LEFT_ALONE * exact and len(chosen) < _MOST_WRONG:
+    while best > _LEFT_ALONE * exact and len(chosen) < 2:
         others = [k for k in range(COUNT) if k not in chosen]
         chosen.append(min(others, key=lambda k: cost([*chosen, k])))
         if best - cost(chosen) < least_gain:
