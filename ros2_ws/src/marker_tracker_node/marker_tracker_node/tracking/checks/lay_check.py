@@ -92,7 +92,7 @@ def _believe(guide: Guide, belief: int, angle: float) -> None:  # pragma: no cov
 @called
 def overdue(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
     """Return the wound angle [rad] where a marker would be the one after that behind the last."""
-    return marks.theta[last] + (1.0 + LEAST_GAP) * mean_gap(setup, marks, last)
+    return float(marks.theta[last] + (1.0 + LEAST_GAP) * mean_gap(setup, marks, last))
 
 
 def guide_doubt(setup: Setup, state: TrackerState) -> str:
