@@ -62,7 +62,7 @@ def boxes_of(tracker: Tracker, frame: NDArray[np.uint8], angle: float) -> list[B
         (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
         box = Box(
             marker=int(n),
-            azimuth=float(expected.azimuth[n]),
+            azimuth=float(expected.bands[n, 0]),
             left=max(int(np.ceil(left)), 0),
             top=max(int(np.ceil(top)), 0),
             right=min(int(right) + 1, columns),

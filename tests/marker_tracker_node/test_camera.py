@@ -46,13 +46,6 @@ def test_undistortion_inverts_the_lens_to_a_millionth_of_a_pixel():
     np.testing.assert_allclose(back.reshape(-1, 2), pixels, atol=1e-6)
 
 
-def test_five_iterations_would_not_be_enough():
-    pixels = np.array([[[5.0, 5.0]]])
-    habit = cv2.undistortPoints(pixels, K, STRONG).reshape(2)
-    # What the default of OpenCV leaves at the corner, in pixels.
-    assert np.abs(habit - undistorted(camera(), pixels[0])[0]).max() * 1600.0 > 0.1
-
-
 def test_roi_and_binning_move_the_pixel_grid_as_in_rep_104():
     binned = camera(roi=(300, 393, 960, 288), binning=3)
     assert binned.shape == (96, 320)

@@ -32,15 +32,6 @@ def reading(angle):
     return axes(angle, 2.0 * angle)
 
 
-def test_frame_waits_for_the_encoder():
-    pairing = Synchroniser()
-    pairing.add_reading(0.0, reading(0.0))
-    pairing.add_frame(0.005, FRAME)
-    assert list(pairing.ready()) == []
-    pairing.add_reading(0.005, reading(0.005))
-    assert [pair.t for pair in pairing.ready()] == [0.005]
-
-
 def test_reading_is_interpolated_to_the_frame():
     pairing = Synchroniser()
     pairing.add_reading(0.010, reading(1.0))

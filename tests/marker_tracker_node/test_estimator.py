@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
+from marker_tracker_node.tracking.estimator.correction import correction
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import LAP, MARKER, Problem, Seen
+from marker_tracker_node.tracking.estimator.verdict import judged
 from winding_core.machine.drive import DriveProfile
 from winding_verification.tracker.scenes import World
 from winding_verification.tracker.sightings import quick, sightings
@@ -56,12 +58,32 @@ def test_derivatives_are_those_of_the_model() -> None:
         ("cable_diameter", 0.3),
     ],
 )
-def test_the_wrong_number_is_named_with_its_size(number: str, size: float) -> None:
-    found = contradicted(sightings(RAMPED, (WrongNumber(number=number, size=size),), 7))
+def test_the_wrong_number_is_named_with_its_size_and_taken_out_of_the_places(
+    number: str, size: float
+) -> None:
+    seen = sightings(RAMPED, (WrongNumber(number=number, size=size),), 7)
+    found, mended = explained(seen)
     assert found
     assert number in found[0].names, found[0].sentence
     if not math.isnan(found[0].share) and found[0].number == number:
         assert abs(found[0].share - size) < 4.0 * found[0].sigma
+    if number == "camera_clock":
+        return
+    assert mended is not None
+    theta, z = RAMPED.markers
+    # Three deviations, and what noise of 0.07 px leaves of a mean.
+    sigma = np.sqrt(mended.doubt) + np.array([[3.0e-4], [2.0e-5]])
+    away = np.abs([mended.theta - theta[mended.markers], mended.z - z[mended.markers]])
+    assert (away < 3.0 * sigma).all()
+
+
+def test_an_estimate_that_is_no_longer_carried_is_taken_back() -> None:
+    problem = Problem(sightings(RAMPED, (), 5))
+    found = correction(problem, judged(problem), made=True)
+    assert found is not None
+    assert not found.carried
+    assert not found.errors.any()
+    assert not found.doubt.any()
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.mark.parametrize(
     ("case", "theta_bar", "z_bar"),
-    [
-        (3, 3.0e-3, 0.12e-3),
-        (5, 3.0e-3, 0.12e-3),
-        (9, 1.0e-3, 0.05e-3),
-        (12, 1.0e-3, 0.05e-3),
-    ],
+    [(3, 3.0e-3, 0.12e-3), (5, 3.0e-3, 0.12e-3), (9, 1.0e-3, 0.05e-3), (12, 1.0e-3, 0.05e-3)],
 )
 def test_single_frames_meet_the_specified_accuracy(smooth_film, case, theta_bar, z_bar):
     film = smooth_film(case, camera=SENSOR)
@@ -87,13 +82,6 @@ def test_every_marker_may_have_a_colour_of_its_own(paper_film):
     assert np.isfinite(records["theta"][-1]).all()
     assert np.abs(theta).max() < 8.0e-3
     assert np.abs(z).max() < 0.15e-3
-
-
-def test_dots_may_have_colours(paper_film):
-    film = paper_film(9, camera=FULL_VIEW, dot_size=DOT, **painted(0.0, 50.0))
-    records, theta, _ = track(film, 8.0, marker_hue=0.0, marker_hues=(0.0, 50.0))
-    assert np.isfinite(records["theta"][-1]).all()
-    assert np.abs(theta).max() < 8.0e-3
 
 
 @pytest.mark.parametrize("spacing", [1.0, 0.55], ids=["spacing right", "spacing too short"])

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from marker_film import DRIVE, FINE, GRID, SENSOR, TURN, UNSEEN, Film, marked_lay, pinhole
+from marker_film import DRIVE, FINE, GRID, SENSOR, TURN, UNSEEN, Film, marked_lay
 
-from marker_tracker_node import CameraPose, PinholeCamera, Sightings, TrackerConfig, refine
-from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_pixel
-from marker_tracker_node.detection.band import Band, band_centroid, solve_band
+from marker_tracker_node import CameraPose, PinholeCamera, Sightings, refine
 from winding_core.cable.cases import Case
 from winding_core.helix import FleetAngleLaw
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window
+from winding_verification.tracker.scenes import World
+from winding_verification.tracker.sightings import quick, sightings
+from winding_verification.tracker.wrong_numbers import WrongNumber
 
 pytestmark = pytest.mark.slow
 WINDOWS = (
@@ -71,9 +71,7 @@ def lay_of(case, rng):
     """A cable that wanders about the law of a free length of its own and never lies in itself."""
     rho, diameter = case.centreline_radius, 2.0 * case.cable_radius
     law = FleetAngleLaw(
-        advance_per_radian=DRIVE.advance_per_radian,
-        free_length=rng.uniform(0.17, 0.23),
-        radius=rho,
+        advance_per_radian=DRIVE.advance_per_radian, free_length=rng.uniform(0.17, 0.23), radius=rho
     )
     turn = round(2.0 * math.pi / 0.01)
     wave, phase = rng.uniform(4.0, 15.0), rng.uniform(0.0, 2.0 * math.pi)
@@ -184,40 +182,15 @@ def test_a_right_pose_is_left_alone(seed):
 
 def painted(seed, share):
     """A configuration, its camera, and sightings of bands that are thicker than the cable."""
-    rng = np.random.default_rng(seed)
-    cylinder = 1.0e-3 * rng.uniform(25.0, 80.0)
-    cable = min(1.0e-3 * rng.uniform(1.5, 7.0), 0.22 * cylinder)
-    window = WINDOWS[rng.integers(len(WINDOWS))]
-    position = tuple(rng.normal([0.4175, 0.0, 0.05], [10e-3, 1.5e-3, 1.5e-3]))
-    pose = CameraPose(position=position, tilt=tuple(rng.normal(0.0, 2.4e-3, 3)))
-    theta, z = 5.65 * np.arange(5), np.array([0.0, 0.008, 0.02, 0.035, 0.05])
-    config = TrackerConfig(
-        cylinder_radius=0.5 * cylinder,
-        cable_radius=0.5 * cable,
-        marker_spacing=5.65 * 0.5 * (cylinder + cable),
-        marker_count=4,
-        pose=pose,
+    world = quick(World.drawn(seed))
+    thin = WrongNumber(number="cable_diameter", size=-share)
+    seen = sightings(world, (thin,), seed)
+    known = np.zeros((2, world.marker_count + 1))
+    return (
+        thin.config(world.config()),
+        world.pinhole(),
+        Sightings(rows=seen.rows, pose=seen.used, means=known),
     )
-    camera, slope = pinhole(CameraConfig(window=window, position=position, tilt=pose.tilt)), 1.5e-3
-    view, body = camera.view(pose), config.body
-    thick = body._replace(cable_radius=(1.0 + share) * body.cable_radius)
-    rows = []
-    for n, azimuth in itertools.product(range(5), np.linspace(-0.7, 1.05, 36)):
-        band = Band(azimuth + 4.0 * math.pi, z[n], slope)
-        a, b, _area = band_centroid(view, thick, band)
-        place = np.array(pixel_of_plane(view, a, b))
-        if (place > 14.0).all() and (place < np.array(camera.shape)[::-1] - 14.0).all():
-            plane = plane_of_pixel(view, *(place + 0.08 * rng.standard_normal(2)))
-            found = solve_band(view, body, *plane, band)
-            rows.append((n, band.azimuth + theta[n], *found))
-    marker, angle, azimuth, height = np.array(rows).T
-    free = np.full(marker.size, math.inf)
-    sightings = Sightings(
-        marker=marker.astype(int), angle=angle, azimuth=azimuth, z=height,
-        slope=np.full(marker.size, slope), low=0.0 / free - math.pi, high=0.0 / free + math.pi,
-        below=free, above=free, pose=pose, mean_theta=theta, mean_z=z,
-    )  # fmt: skip
-    return config, camera, sightings
 
 
 @pytest.mark.parametrize("share", [-0.02, 0.02])
@@ -232,9 +205,9 @@ def refined(seeds):
     """Yield film, tracker and fit of the scenes that yield the sightings that a fit needs."""
     for seed in seeds:
         film, tracker, _ = followed(seed, tilt_sigma=10e-3, position_sigma=2e-3, patience=0.5)
-        sightings = tracker.sightings()
-        if len(sightings.marker) >= 20 and (sightings.marker == 0).any():
-            yield film, tracker, refine(tracker.config, tracker.camera, sightings)
+        seen = tracker.sightings()
+        if len(seen.rows) >= 20 and (seen.rows[:, 0] == 0).any():
+            yield film, tracker, refine(tracker.config, tracker.camera, seen)
 
 
 def test_a_pose_wrong_by_its_belief_is_mended():

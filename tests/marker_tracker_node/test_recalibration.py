@@ -10,16 +10,10 @@ import pytest
 from marker_film import UNSEEN, Film, Frames, Wrong
 
 from marker_tracker_node import Tracker
-from marker_tracker_node.tracking.estimator.correction import correction
-from marker_tracker_node.tracking.estimator.problem import Problem
-from marker_tracker_node.tracking.estimator.verdict import judged
 from winding_core.markers import MarkerFlag, Markers
 from winding_verification.tracker.filmed_runs import outcome
 from winding_verification.tracker.scenes import World
-from winding_verification.tracker.sightings import quick, sightings
 from winding_verification.tracker.wrong_numbers import WrongNumber
-
-DRAWN = quick(replace(World.drawn(1), rest=0.6))
 
 WRONG = {
     "camera turned about its axis": Wrong(tilt=(0.0, 0.0, 0.02)),
@@ -137,36 +131,3 @@ def test_right_numbers_are_not_corrected(filmed: tuple[Film, Frames]) -> None:
     tracker, _ = followed(filmed, Wrong())
     assert tracker.report().remarks == ()
     np.testing.assert_array_equal(tracker.lens.k, tracker.camera.k)
-
-
-@pytest.mark.parametrize(
-    ("number", "size"),
-    [
-        ("encoder_scale", -0.02),
-        ("frame_times", 0.03),
-        ("camera_distance", -0.01),
-        ("camera_roll", 0.01),
-        ("camera_tilt_x", 0.02),
-        ("focal_length", 0.04),
-        ("cylinder_diameter", -0.03),
-        ("cable_diameter", 0.2),
-    ],
-)
-def test_the_estimate_holds_the_markers_within_its_deviations(number: str, size: float) -> None:
-    problem = Problem(sightings(DRAWN, (WrongNumber(number=number, size=size),), 7))
-    found = correction(problem, judged(problem), made=False)
-    assert found is not None
-    theta, z = DRAWN.markers
-    # Three deviations, and what noise of 0.07 px leaves of a mean.
-    sigma = np.sqrt(found.doubt) + np.array([[3.0e-4], [2.0e-5]])
-    away = np.abs([found.theta - theta[found.markers], found.z - z[found.markers]])
-    assert (away < 3.0 * sigma).all()
-
-
-def test_an_estimate_that_is_no_longer_carried_is_taken_back() -> None:
-    problem = Problem(sightings(DRAWN, (), 5))
-    found = correction(problem, judged(problem), made=True)
-    assert found is not None
-    assert not found.carried
-    assert not found.errors.any()
-    assert not found.doubt.any()

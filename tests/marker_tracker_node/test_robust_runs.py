@@ -108,10 +108,7 @@ DISTURBANCES = {
     "a brass cylinder": {"paint": BRASS},
     "brass, decoys, Bayer, noise, flicker": {
         "camera": replace(
-            FULL_VIEW,
-            bayer=True,
-            noise=SensorNoise(read=8.0),
-            light=Light(gain=0.7, flicker=0.3),
+            FULL_VIEW, bayer=True, noise=SensorNoise(read=8.0), light=Light(gain=0.7, flicker=0.3)
         ),
         "surroundings": Surroundings(patches=DECOYS),
         "paint": BRASS,

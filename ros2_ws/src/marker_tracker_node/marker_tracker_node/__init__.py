@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from marker_tracker_node.lay.lay_tracker import LayReading, LayTracker
     from marker_tracker_node.lay.report import LayDefect, LayReport
     from marker_tracker_node.tracking.config import TrackerConfig
-    from marker_tracker_node.tracking.refinement import PoseBelief, Refinement, refine
+    from marker_tracker_node.tracking.refinement import PoseBelief, Refinement, Sightings, refine
     from marker_tracker_node.tracking.report import FrameFault, TrackerReport
-    from marker_tracker_node.tracking.sightings import Sightings
     from marker_tracker_node.tracking.tracker import Tracker
 
 __all__ = [
@@ -54,9 +53,8 @@ _PLACES = {
     "lay.lay_tracker": {"LayReading", "LayTracker"},
     "lay.report": {"LayDefect", "LayReport"},
     "tracking.config": {"TrackerConfig"},
-    "tracking.refinement": {"PoseBelief", "Refinement", "refine"},
+    "tracking.refinement": {"PoseBelief", "Refinement", "Sightings", "refine"},
     "tracking.report": {"FrameFault", "TrackerReport"},
-    "tracking.sightings": {"Sightings"},
     "tracking.tracker": {"Tracker"},
 }
 

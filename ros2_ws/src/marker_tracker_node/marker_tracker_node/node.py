@@ -7,9 +7,7 @@ import traceback
 from contextlib import ExitStack
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.ros.camera_port import Camera, CameraError, CameraPort
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
@@ -80,7 +78,7 @@ class MarkerTrackerNode(ManagedNode[TrackerParameters]):
             },
         )
 
-    def take_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def take_frame(self, t: float, frame: ByteArray) -> None:
         """Take a frame of time t [s] from a camera in this process, from any thread."""
         handler, trace = self._handler, self.endpoints.trace
         assert handler is not None

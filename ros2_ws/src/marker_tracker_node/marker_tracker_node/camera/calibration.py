@@ -11,13 +11,10 @@ from typing import Any
 import cv2
 import numpy as np
 import yaml
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FloatArray
 from marker_tracker_node.camera.pinhole import PLUMB_BOB, PinholeCamera
 from winding_core.yaml_text import YamlTextError, load_yaml
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 
 LEAST_VIEWS = 4
 LEAST_CORNERS = 6
@@ -163,10 +160,7 @@ def calibrate(pictures: Sequence[ByteArray], board: Board) -> Calibration:
             "and in the corners as well, and tilted"
         ) from error
     return Calibration(
-        camera=camera,
-        residual=float(residual),
-        views=len(seen),
-        refused=len(pictures) - len(seen),
+        camera=camera, residual=float(residual), views=len(seen), refused=len(pictures) - len(seen)
     )
 
 

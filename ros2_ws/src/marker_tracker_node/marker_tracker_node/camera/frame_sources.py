@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.camera.image_formats import ImageFormatError, PixelReader, RawImage
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.camera.recordings import PICTURES, Motion, RecordingError
 from winding_core.units import MILLISECOND
-
-ByteArray = NDArray[np.uint8]
 
 # A recording whose first pictures are all refused is refused.
 _HOPELESS = 50
@@ -159,7 +158,7 @@ class FrameSource:
                 raise RecordingError(f"{path} is not a picture")
             yield t, self._decoded(np.asarray(frame))
 
-    def _decoded(self, frame: NDArray[np.uint8] | NDArray[np.uint16]) -> RawImage:
+    def _decoded(self, frame: ByteArray | NDArray[np.uint16]) -> RawImage:
         """Return what OpenCV has read as a picture that the reader may take otherwise."""
         bits = 8 * frame.dtype.itemsize
         if self._reader.encoding.startswith("bayer") and frame.ndim == 3:

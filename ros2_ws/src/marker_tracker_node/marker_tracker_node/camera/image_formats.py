@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from winding_core.raw_image import BGR8, ENCODINGS, ImageFormatError, RawImage
 
 __all__ = ["ENCODINGS", "ImageFormatError", "PixelReader", "RawImage"]
@@ -29,7 +30,7 @@ class PixelReader:
     brightest: int = 0  # Largest value in words so far.
     words: int = 0  # Pictures of words so far.
 
-    def frame(self, image: RawImage) -> NDArray[np.uint8]:
+    def frame(self, image: RawImage) -> ByteArray:
         """Return a picture, blue-green-red of 8 bits, shape (height, width, 3).
 
         It may not be written to: pixels that need no change are not copied.

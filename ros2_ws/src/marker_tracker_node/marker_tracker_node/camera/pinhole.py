@@ -7,12 +7,11 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from marker_tracker_node.arrays import FloatArray
 from winding_core.compiling import called, compiled
 from winding_core.markers import positions
-
-FloatArray = NDArray[np.float64]
 
 PLUMB_BOB = "plumb_bob"
 UNDISTORTION_STEPS = 30

@@ -8,12 +8,9 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FloatArray
 from winding_core.markers import Markers
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 MOTION_COLUMNS = ("t", "cylinder_angle", "guide_z")

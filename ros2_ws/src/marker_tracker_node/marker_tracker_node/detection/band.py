@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
 from winding_core.compiling import called, compiled
 
@@ -57,6 +58,12 @@ class Band(NamedTuple):
     high: float = math.pi  # The same on the +z side [rad]
     below: float = math.inf  # Distance of the turn on the -z side [m]
     above: float = math.inf  # Distance of the turn on the +z side [m]
+
+
+@called
+def band_of(row: FloatArray) -> Band:  # pragma: no cover
+    """Return the band whose fields a row holds, shape (7,)."""
+    return Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
 
 
 class Section(NamedTuple):
@@ -269,5 +276,5 @@ def _back_project(
         return math.nan, math.nan
     depth = (-half - math.sqrt(room)) / square
     azimuth = math.atan2(view.y + depth * dy, view.x + depth * dx)
-    azimuth += 2.0 * math.pi * round((near - azimuth) / (2.0 * math.pi))
+    azimuth += math.tau * round((near - azimuth) / (math.tau))
     return azimuth, view.z + depth * dz

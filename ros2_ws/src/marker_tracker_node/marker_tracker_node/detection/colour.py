@@ -10,12 +10,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
-from marker_tracker_node.detection.gate import ANY, FIRST_COLOUR, TABLE_SIZE, Picture
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
+from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
+from marker_tracker_node.detection.gate import FIRST_COLOUR, TABLE_SIZE, Picture
 
 LEVELS = 32
 # Light from a third to three times the sampled one, with the clipping that comes with it.
@@ -39,7 +36,6 @@ SATURATION_BINS = 24
 GLARE_STEP = 8.0
 GLARE_SATURATION = 0.05
 WHITE_LEVEL = 240
-IndexArray = NDArray[np.int64]
 
 
 class ColourRefusedError(ValueError):
@@ -119,12 +115,7 @@ class ColourModel:
         )
 
     def of_hue(self, hue: float, spread: float) -> ColourModel:
-        """Return the model of a paint of another hue [deg] in the same scene and light.
-
-        Args:
-            hue: Middle of its hues [deg].
-            spread: Half width of the accepted hues [deg].
-        """
+        """Return the model of a paint of hues around another one [deg], in the same scene."""
         accepted = hue_region(hue, spread, self.min_saturation)
         if self.scene is not None:
             accepted = accepted & _more_marker_than_background(
@@ -151,7 +142,7 @@ class ColourModel:
         white = colours.min(axis=1) >= WHITE_LEVEL
         return np.asarray((pale | white) & (self.table == 0), dtype=np.uint8)
 
-    def mask(self, frame: ByteArray) -> NDArray[np.bool_]:
+    def mask(self, frame: ByteArray) -> FlagArray:
         """Return which pixels of a frame have the marker's colour, shape (rows, columns)."""
         return self.table[colour_index(frame)].astype(bool)
 
@@ -164,7 +155,7 @@ def hsv(pixels: ByteArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return planes[:, 0].reshape(shape), planes[:, 1].reshape(shape), planes[:, 2].reshape(shape)
 
 
-def colour_index(pixels: ByteArray) -> NDArray[np.int64]:
+def colour_index(pixels: ByteArray) -> IndexArray:
     """Return the table index of blue-green-red pixels (..., 3)."""
     reduced = (pixels >> 3).astype(np.int64)
     return (reduced[..., 0] << 10) | (reduced[..., 1] << 5) | reduced[..., 2]
@@ -221,7 +212,7 @@ def _table_colours() -> ByteArray:
 
 
 @lru_cache(maxsize=64)
-def hue_region(hue: float, spread: float, min_saturation: float) -> NDArray[np.bool_]:
+def hue_region(hue: float, spread: float, min_saturation: float) -> FlagArray:
     """Return which colours of a table are saturated and around a hue [deg], shape (32768,)."""
     h, s, v = hsv(_table_colours())
     region = np.asarray(
@@ -235,7 +226,7 @@ def hue_region(hue: float, spread: float, min_saturation: float) -> NDArray[np.b
     return region
 
 
-def _more_marker_than_background(marker: FloatArray, scene: FloatArray) -> NDArray[np.bool_]:
+def _more_marker_than_background(marker: FloatArray, scene: FloatArray) -> FlagArray:
     """Return where in the table a marker pixel is likelier than one of the background.
 
     Densities are histograms of hue and saturation, blurred by the noise of a pixel.
@@ -245,7 +236,7 @@ def _more_marker_than_background(marker: FloatArray, scene: FloatArray) -> NDArr
     return np.asarray(marker.ravel()[cell] >= scene.ravel()[cell], dtype=bool)
 
 
-def _cell(hue: FloatArray, saturation: FloatArray) -> NDArray[np.int64]:
+def _cell(hue: FloatArray, saturation: FloatArray) -> IndexArray:
     column = np.minimum((hue / 360.0 * HUE_BINS).astype(np.int64), HUE_BINS - 1)
     row = np.minimum((saturation * SATURATION_BINS).astype(np.int64), SATURATION_BINS - 1)
     return row * HUE_BINS + column
@@ -273,11 +264,6 @@ class Palette(NamedTuple):
         """Return a frame of shape (rows, columns, 3) in which P0's colour is sought."""
         first = self.tables[FIRST_COLOUR * TABLE_SIZE : (FIRST_COLOUR + 1) * TABLE_SIZE]
         return Picture(pixels, first, self.tables, self.colour_of)
-
-    @property
-    def any(self) -> ByteArray:
-        """One where a pixel has the colour of any marker, shape (32768,)."""
-        return self.tables[ANY * TABLE_SIZE : FIRST_COLOUR * TABLE_SIZE]
 
     @classmethod
     def nothing(cls, markers: int) -> Palette:

@@ -12,8 +12,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import (
     CameraView,
     pixel_of_plane,
@@ -43,8 +43,6 @@ from marker_tracker_node.detection.gate import (
     table_index,
 )
 from winding_core.compiling import called, compiled
-
-FloatArray = NDArray[np.float64]
 
 # Of an outline; the rows of its array.
 NODES = 9
@@ -92,13 +90,7 @@ class Fit(NamedTuple):
 
 @compiled
 def fit_outline(
-    picture: Picture,
-    gates: Gates,
-    n: int,
-    view: CameraView,
-    body: Body,
-    band: Band,
-    area: float,
+    picture: Picture, gates: Gates, n: int, view: CameraView, body: Body, band: Band, area: float
 ) -> Fit:  # pragma: no cover
     """Return where a band lies of which a part may be unknown, expected in gate n.
 

@@ -7,7 +7,6 @@ number as identity, which then counts as evidence when markers are numbered.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from marker_tracker_node.detection import colour_band
@@ -17,10 +16,7 @@ from winding_core.markers import BAND, DOT
 
 # Modules of detectors by `marker_kind`; named as modules, so that a change in one compiles anew
 # the kernels that reach it, see `compiling`.
-DETECTORS = {
-    BAND: colour_band,
-    DOT: colour_band,
-}
+DETECTORS = {BAND: colour_band, DOT: colour_band}
 _MODULES = tuple(dict.fromkeys(DETECTORS.values()))
 
 
@@ -35,25 +31,8 @@ def detector_number(kind: str) -> int:
     return _MODULES.index(DETECTORS[kind])
 
 
-def _chosen(number: int) -> Any:
-    """Return a function that calls the detector of a number or a later one; the last is sure."""
-    measure: Callable[..., Detection] = _MODULES[number].measure
-    if number == len(_MODULES) - 1:
-
-        @called
-        def last(detector: int, *mark: Any) -> Detection:  # pragma: no cover
-            return measure(*mark)
-
-        return last
-    later: Callable[..., Detection] = _chosen(number + 1)
-
-    @called
-    def this_or_later(detector: int, *mark: Any) -> Detection:  # pragma: no cover
-        return measure(*mark) if detector == number else later(detector, *mark)
-
-    return this_or_later
-
-
-# Measures a mark with the detector of a number; the other arguments are those of `measure`.
-# While there is one detector it is called without a question.
-measure_mark = _chosen(0)
+@called
+def measure_mark(detector: int, *mark: Any) -> Detection:  # pragma: no cover
+    """Measure a mark with the detector of a number; the other arguments are those of `measure`."""
+    # A second detector is asked for here by its number.
+    return colour_band.measure(*mark)

@@ -6,14 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FloatArray, IndexArray
 from winding_core.compiling import called, compiled
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
-IndexArray = NDArray[np.int64]
-
 
 # Places in `Picture.tables`; the colours of markers follow.
 UNKNOWN, ANY, FIRST_COLOUR = range(3)

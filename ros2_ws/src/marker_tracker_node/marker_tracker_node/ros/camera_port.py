@@ -13,10 +13,10 @@ from typing import Any, Protocol
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.context import Context
 from sensor_msgs.msg import CameraInfo
 
+from marker_tracker_node.arrays import ByteArray
 from winding_ros import topics
 from winding_ros.messages.camera import encode_image, encode_preview
 from winding_ros.messages.cdr import serialised
@@ -45,7 +45,7 @@ class FrameTracker(Protocol):
     def take_calibration(self, info: bytes) -> None:
         """Take a CameraInfo in CDR bytes."""
 
-    def take_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def take_frame(self, t: float, frame: ByteArray) -> None:
         """Take a frame, shape (rows, columns, 3), of time t [s]."""
 
     def fail(self, error: Exception) -> None:
@@ -81,7 +81,7 @@ class CameraPort:
         self._node.take_calibration(data)
         self._info = data
 
-    def take(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def take(self, t: float, frame: ByteArray) -> None:
         """Track a frame, and publish what the graph is to know of it.
 
         A frame whose time runs backwards is refused, counted and named in /diagnostics.
@@ -104,7 +104,7 @@ class CameraPort:
             return
         self._node.endpoints.admit(topics.IMAGE, t, lambda: self._track(t, frame))
 
-    def _track(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def _track(self, t: float, frame: ByteArray) -> None:
         info = with_stamp(self._info, STAMP.pack(*stamp_parts(t)))
         self._node.endpoints.publish(topics.CAMERA_INFO, info)
         self._node.take_frame(t, frame)
@@ -113,15 +113,10 @@ class CameraPort:
             self._show(t, frame)
 
     def exposed(self, t: float, began_ns: int) -> None:
-        """Note that the pixels of a frame are there, for `winding run --trace`.
-
-        Args:
-            t: Its instant [s].
-            began_ns: When that was, by `time.time_ns`.
-        """
+        """Note when the pixels of time t [s] were there, by `time.time_ns`, for a run's trace."""
         self._node.endpoints.trace.exposed(t, began_ns)
 
-    def _show(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def _show(self, t: float, frame: ByteArray) -> None:
         endpoints = self._node.endpoints
         endpoints.publish(topics.IMAGE, encode_image(t, frame))
         _, jpeg = cv2.imencode(".jpg", frame, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])

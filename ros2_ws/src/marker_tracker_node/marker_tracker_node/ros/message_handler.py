@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo
 
+from marker_tracker_node.arrays import ByteArray, FloatArray
 from marker_tracker_node.camera.image_formats import PixelReader
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.lay_follower import LayFollower
@@ -28,8 +28,6 @@ from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.messages.stamps import stamp_bytes, stampless, with_stamp
 from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
-
-FloatArray = NDArray[np.float64]
 
 # Topics overtake each other: the first calibration may come a few frames late.
 _FRAMES_BEFORE_CALIBRATION = 50
@@ -120,7 +118,7 @@ class TrackerHandler:
             self._stamps[t] = stamp_bytes(data)
             yield from self.take_frame(t, frame)
 
-    def take_frame(self, t: float, frame: NDArray[np.uint8]) -> Iterator[Answer]:
+    def take_frame(self, t: float, frame: ByteArray) -> Iterator[Answer]:
         """Take a frame of time t [s], shape (height, width, 3)."""
         self._live.add_frame(t, frame)
         yield from self._measure()

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.machine_motion import lost_turns
-
-FloatArray = NDArray[np.float64]
 
 # Four seconds at 2 kHz: a node in arrears meets frames two seconds behind the encoder.
 KEPT = 8192
@@ -35,10 +33,9 @@ class EncoderHistory:
     def __init__(self, longest_gap: float | None = None, *, complete: bool = False) -> None:
         """Start without readings.
 
-        Args:
-            longest_gap: Longest gap that is interpolated [s]; None for a few measured periods.
-            complete: Whether readings come as far ahead of the frames as is looked, as those of
-                a recording do.
+        Gaps are interpolated up to the longest one [s], of a few measured periods if that is None.
+        Readings are complete that come as far ahead of the frames as is looked, as a recording's
+        do.
         """
         self._longest_gap = longest_gap
         self._complete = complete
@@ -54,12 +51,9 @@ class EncoderHistory:
         return self._count
 
     def add(self, t: float, angle: float, guide: float) -> None:
-        """Take a reading of time t [s]; one that is not newer than the last is left out.
+        """Take angle [rad] and guide position [m] of time t [s]; whole turns may be missing.
 
-        Args:
-            t: [s]
-            angle: Of the cylinder [rad]; whole turns may be missing.
-            guide: Position [m].
+        A reading that is not newer than the last is left out.
         """
         if self._count and not t > self.latest:
             return
@@ -92,7 +86,7 @@ class EncoderHistory:
     @property
     def lost_turns(self) -> int:
         """Turns that the encoder lost by wrapping."""
-        return round(self._wraps / (2.0 * math.pi))
+        return round(self._wraps / (math.tau))
 
     @property
     def latest(self) -> float:

@@ -5,10 +5,19 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
 from marker_tracker_node.detection.band import Band
-from marker_tracker_node.detection.gate import Gates, empty_gates, gate_columns, table_index
+from marker_tracker_node.detection.colour import Palette
+from marker_tracker_node.detection.gate import (
+    ANY,
+    Gates,
+    Picture,
+    empty_gates,
+    gate_moments,
+    seeking,
+)
+from marker_tracker_node.tracking.frame.acquisition import ASTRAY
 from marker_tracker_node.tracking.frame.gate_prediction import predict_gate
 from marker_tracker_node.tracking.frame.laid_path import LaidCable, corrected_height, path_height
 from marker_tracker_node.tracking.p0_search import WHOLE_ENOUGH
@@ -16,11 +25,8 @@ from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import (
     PATH_SIZE,
     PATH_STEP,
-    TURN,
     Burst,
     FixedNumbers,
-    FlagArray,
-    IndexArray,
     Rows,
     Setup,
     TrackerState,
@@ -30,27 +36,17 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called, compiled
 
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
-
 # Frames closer than this add nothing [s].
 _PERIOD = 0.02
 
 # Bands without a number. Wound angle between the places that are looked at [rad], each once a turn:
 # as long as the range of azimuths in which that happens, so that no place is left out.
 _GRID = 0.17
-_AHEAD = 0.03
-# Nearer to a marker than this its own band would be taken for another [rad].
-_BESIDE = 0.9
 # The gate is so many times as long, and as wide, as that of a band whose place is known.
-_ROOM, _WIDER = 2.5, 1.7
-# Every so many rows and columns are enough to recognise a band by its area.
-_BAND_STRIDE = 2
-# A band is believed when it was there in so many laps, and most of the gap is without one:
-# something yellow in front of the cylinder is there wherever one looks.
-_LAPS, _MOST_OF_GAP = 2, 0.3
-# A place is looked at in so many laps.
-_LOOKS = 3
+_ROOM = 1.7
+# A place is looked at in so many laps; a band is believed when it was there in more than one, and
+# in so much of the gap at most: something yellow in front of the cylinder is wherever one looks.
+_LOOKS, _MOST_OF_GAP = 3, 0.3
 # Cable is expected no farther.
 _PLACES = int(PATH_SIZE * PATH_STEP / _GRID)
 
@@ -88,28 +84,22 @@ class RunEvidence:
             if len(places) > max(_MOST_OF_GAP * np.count_nonzero(mine.any(axis=1)), 3):
                 continue
             both = (slice(place, place + 2) for place in places)
-            if any(len(set(looks.lap[two][there[two]].tolist())) >= _LAPS for two in both):
+            if any(len(set(looks.lap[two][there[two]].tolist())) > 1 for two in both):
                 markers.append(n)
         return tuple(markers)
 
     def take(
         self,
         frames: ByteArray,
-        table: ByteArray,
+        palette: Palette,
         fixed: FixedNumbers,
         state: TrackerState,
         readings: FloatArray,
         out: Burst,
     ) -> None:
-        """Take the frames of a burst.
+        """Take the frames of a burst, shape (k, rows, columns, 3), and what they yielded.
 
-        Args:
-            frames: Shape (k, rows, columns, 3).
-            table: Colours of the markers, see `Picture`.
-            fixed: See `fixed_numbers`.
-            state: After the burst.
-            readings: See `update_burst`.
-            out: What the frames yielded.
+        The state is that after the burst; for readings see `update_burst`.
         """
         taken = []
         for k, t in enumerate(readings[0].tolist()):
@@ -121,15 +111,17 @@ class RunEvidence:
             self.log.take(frames, kept, readings, out)
             filled = int(state.run_rows["path_filled"][0])
             _look_between(
-                frames, kept, table, fixed, state.mark_rows, state.path, filled, turned, self._looks
-            )
+                frames, kept, *palette, fixed, state.mark_rows, state.path, filled, turned,
+                self._looks,
+            )  # fmt: skip
 
 
 @compiled
 def _look_between(
     frames: ByteArray,
     kept: IndexArray,
-    table: ByteArray,
+    tables: ByteArray,
+    colour_of: IndexArray,
     fixed: FixedNumbers,
     marks: Rows,
     path: FloatArray,
@@ -145,9 +137,9 @@ def _look_between(
         if marks[n].known and marks[n + 1].known:
             widest = max(widest, marks[n + 1].theta - marks[n].theta)
     for k in kept:
-        laps = math.floor(min(turned[k], widest + TURN * (_LOOKS + 3)) / TURN)
+        laps = math.floor(min(turned[k], widest + math.tau * (_LOOKS + 3)) / math.tau)
         for lap in range(1 + max(laps, -1)):
-            place = math.floor((turned[k] - TURN * lap - _AHEAD) / _GRID)
+            place = math.floor((turned[k] - math.tau * lap) / _GRID)
             if not 0 <= place < looks.shape[0]:
                 continue
             theta = place * _GRID
@@ -160,7 +152,8 @@ def _look_between(
             if look == _LOOKS or looks[place, look].lap == lap:
                 continue
             looks[place, look].lap = lap
-            share = _band_share(frames[k], table, setup, cable, theta, turned[k] - theta, gates)
+            picture = seeking(Picture(frames[k], tables, tables, colour_of), ANY)
+            share = _band_share(picture, setup, cable, theta, turned[k] - theta, gates)
             if not math.isinf(share):
                 looks[place, look].number = n
                 looks[place, look].there = abs(share - 1.0) <= WHOLE_ENOUGH
@@ -170,7 +163,7 @@ def _look_between(
 def _marker_before(marks: Rows, theta: float) -> int:  # pragma: no cover
     """Return the marker before a wound angle [rad] whose neighbour behind it is known, or -1."""
     for n in range(marks.size - 1):
-        between = marks[n].theta + _BESIDE < theta < marks[n + 1].theta - _BESIDE
+        between = marks[n].theta + ASTRAY < theta < marks[n + 1].theta - ASTRAY
         if marks[n].known and marks[n + 1].known and between:
             return n
     return -1
@@ -178,43 +171,24 @@ def _marker_before(marks: Rows, theta: float) -> int:  # pragma: no cover
 
 @called
 def _band_share(
-    pixels: ByteArray,
-    table: ByteArray,
-    setup: Setup,
-    cable: LaidCable,
-    theta: float,
-    azimuth: float,
-    gates: Gates,
+    picture: Picture, setup: Setup, cable: LaidCable, theta: float, azimuth: float, gates: Gates
 ) -> float:  # pragma: no cover
     """Return how much of a band at a wound angle between markers has the markers' colour.
 
     That is in shares of its area; nan outside of the picture, inf beside a marker.
     """
     z, slope = corrected_height(cable, theta)[0], path_height(cable, theta)[1]
-    reach, marks = 2.0 * _WIDER * setup.body.cable_radius + setup.across_margin, cable.marks
+    reach, marks = 2.0 * _ROOM * setup.body.cable_radius + setup.across_margin, cable.marks
     for m in range(marks.known.size):
         away = marks.theta[m] - theta
-        away -= TURN * round(away / TURN)
-        if marks.known[m] and abs(away) < _BESIDE and abs(marks.height[m] - z) < reach:
+        away -= math.tau * round(away / math.tau)
+        if marks.known[m] and abs(away) < ASTRAY and abs(marks.height[m] - z) < reach:
             return math.inf
     band = Band(azimuth, z, slope, -math.pi, math.pi, math.inf, math.inf)
     expected = predict_gate(setup, band, gates, 0)
-    gates.ahead[0] *= _ROOM
-    gates.behind[0] *= _ROOM
-    gates.left[0] *= _WIDER
-    gates.right[0] *= _WIDER
-    height, width = pixels.shape[:2]
-    u, v, column, row = gates.along_u[0], gates.along_v[0], gates.column[0], gates.row[0]
-    if not (0.0 <= row < height and 0.0 <= column < width and expected > 0.0):
+    for side in (gates.ahead, gates.behind, gates.left, gates.right):
+        side[0] *= _ROOM
+    rows, columns = picture.pixels.shape[:2]
+    if not (0.0 <= gates.row[0] < rows and 0.0 <= gates.column[0] < columns and expected > 0.0):
         return math.nan
-    length, breadth = max(gates.ahead[0], gates.behind[0]), max(-gates.left[0], gates.right[0])
-    wide, high = length * abs(u) + breadth * abs(v), length * abs(v) + breadth * abs(u)
-    left, top = max(math.floor(column - wide), 0), max(math.floor(row - high), 0)
-    marked = 0
-    for y in range(top, min(math.ceil(row + high), height - 1) + 1, _BAND_STRIDE):
-        first, last = gate_columns(pixels, gates, 0, y - row)
-        first += (left - first) % _BAND_STRIDE
-        line = pixels[y, first : max(first, last + 1) : _BAND_STRIDE]
-        for x in range(line.shape[0]):
-            marked += table[table_index(line[x, 0], line[x, 1], line[x, 2])]
-    return float(_BAND_STRIDE * _BAND_STRIDE * marked / expected)
+    return gate_moments(picture, gates, 0)[0] / expected

@@ -6,8 +6,8 @@ import math
 from array import array
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.frame.laid_path import extend_paths
 from marker_tracker_node.tracking.state import (
     Cylinder,
@@ -22,8 +22,6 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called, compiled
 
-FloatArray = NDArray[np.float64]
-
 # Bounds of what is expected of a cylinder whose encoder is out [rad/s, s].
 FASTEST = 100.0
 LONGEST_GUESS = 10.0
@@ -37,29 +35,22 @@ STANDING = 1.0e-3
 
 @compiled
 def lost_turns(step: float, expected: float) -> float:  # pragma: no cover
-    """Return the turns [rad] that an encoder lost by wrapping between two readings.
+    """Return the turns [rad] that an encoder lost by wrapping in a step of its readings [rad].
 
-    A step that a continuous encoder can have made, at any speed from standing to the present
-    one, is never a wrap: a machine may have paused, and nothing needs to be invented then.
-
-    Args:
-        step: Difference of the readings [rad].
-        expected: Step at the speed before [rad].
+    A step that a continuous encoder can have made, at any speed from standing to the expected one
+    [rad], is never a wrap: a machine may have paused, and nothing needs to be invented then.
     """
     if min(expected, 0.0) - math.pi <= step <= max(expected, 0.0) + math.pi:
         return 0.0
-    turn = 2.0 * math.pi
+    turn = math.tau
     return turn * round((expected - step) / turn)
 
 
 @called
 def follow_encoder(cylinder: Cylinder, t: float, encoder: float) -> None:  # pragma: no cover
-    """Advance the cylinder to a frame: by the encoder without its wraps, or by its last speed.
+    """Advance the cylinder to time t [s]: by the encoder without its wraps, or by its last speed.
 
-    Args:
-        cylinder: As in the last frame; written.
-        t: Time of the frame [s].
-        encoder: Angle [rad]; nan while it is missing.
+    The encoder's angle is nan while it is missing [rad].
     """
     blind = not math.isfinite(encoder)
     if not cylinder.started:
@@ -88,14 +79,10 @@ def follow_encoder(cylinder: Cylinder, t: float, encoder: float) -> None:  # pra
 
 @called
 def phase_lock(marks: Marks, azimuths: FloatArray, turned: float) -> float:  # pragma: no cover
-    """Return the correction of a predicted cylinder angle by the markers in sight [rad].
+    """Return the correction of a predicted cylinder angle `turned` by the markers in sight [rad].
 
-    P0 alone decides when it is in sight: all wound angles are counted from it.
-
-    Args:
-        marks: The markers.
-        azimuths: As seen in this frame [rad], nan where not, shape (markers,).
-        turned: Predicted angle as the camera sees it [rad].
+    Azimuths are those seen, nan where not, shape (markers,). P0 alone decides when it is in sight:
+    all wound angles are counted from it.
     """
     total, weight = 0.0, 0.0
     for n in range(azimuths.size):
@@ -115,12 +102,8 @@ def follow_guide(
 ) -> None:  # pragma: no cover
     """Advance the guide to a frame: by its readings, whose zero is unknown, or by the feed.
 
-    Args:
-        setup: Machine and camera.
-        guide: As in the last frame; written.
-        cylinder: At this frame.
-        step: By how much it has turned since the last frame [rad].
-        reading: Of the guide [m]; nan for none, to expect the commanded feed.
+    Since the last frame the cylinder has turned by a step [rad]; the guide's reading is nan to
+    expect the commanded feed [m].
     """
     way = guide.way + setup.advance_per_radian * step
     if not math.isfinite(reading) or (cylinder.blind and not math.isfinite(guide.zero)):
@@ -145,15 +128,9 @@ def follow_guide(
 def advance_machine(
     setup: Setup, run: Run, paths: FloatArray, t: float, encoder: float, reading: float
 ) -> None:  # pragma: no cover
-    """Advance cylinder, guide and expected paths to an instant.
+    """Advance cylinder, guide and expected paths, see `Tracks` [m], to time t [s].
 
-    Args:
-        setup: Machine and camera.
-        run: Written, but for its shift.
-        paths: See `Tracks` [m], shape (2, PATH_SIZE); written.
-        t: [s]
-        encoder: Angle [rad], counted from P0 on; nan while it is missing.
-        reading: Of the guide [m]; nan where it is missing.
+    The encoder's angle [rad], from P0 on, and the guide's reading [m] are nan where missing.
     """
     angle, way = run.cylinder.angle, run.guide.way
     follow_encoder(run.cylinder, t, encoder)
@@ -181,13 +158,9 @@ class MotionBefore:
         self._frames.extend((t, angle, guide))
 
     def take_up(self, state: TrackerState, fixed: FixedNumbers, t: float, origin: float) -> None:
-        """Advance a fresh state along the motion before a time.
+        """Advance a fresh state along the motion before the next frame's time t [s].
 
-        Args:
-            state: Written in place.
-            fixed: See `fixed_numbers`.
-            t: Of the next frame [s].
-            origin: What the encoder reads where P0 lands [rad].
+        The encoder reads `origin` where P0 lands [rad].
         """
         frames = np.array(self._frames).reshape(-1, 3).T
         since = frames[0, 0] if frames.size else t

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FlagArray
 from marker_tracker_node.camera.pinhole import plane_of_pixel
 from marker_tracker_node.detection.band import Band, solve_band
 from marker_tracker_node.detection.colour import (
@@ -22,24 +22,21 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
 from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT
-from marker_tracker_node.tracking.state import FlagArray, Setup
+from marker_tracker_node.tracking.state import Setup
 from winding_core.helix import FleetAngleLaw
-
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
 
 # How far P0 may appear from its place before the camera's pose was ever refined [m].
 SEARCH_REACH = 5.0e-3
-LEAST_AREA, MOST_AREA = 0.3, 1.7
+# Share by which the pixels of its hue may be fewer or more than its band should fill.
+AREA_RANGE = 0.7
 SATURATIONS = np.arange(0.45, 0.95, 0.05)
 NEAR_START = 0.3
 # A band is whole enough to be recognised by its colour.
 WHOLE_ENOUGH = 0.5
 # It stays at its place of the cylinder within this [rad], as poorly as the camera's pose is known.
 SAME_ANGLE = 0.08
-# It proves itself by moving with the cylinder as long as markers do.
+# It proves itself by moving with the cylinder as long as markers do, in so many frames.
 PROOF_SIGHTINGS = 4
-TURN = 2.0 * math.pi
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,13 +72,7 @@ class _Place:
 def sample_colour(
     frame: ByteArray, config: TrackerConfig, setup: Setup, angle: float
 ) -> ColourModel:
-    """Learn the colour from P0, which stands at azimuth `angle` and z = 0.
-
-    Args:
-        frame: Shape (rows, columns, 3).
-        config: Machine and cable.
-        setup: Machine and camera for the kernels.
-        angle: Cylinder angle [rad].
+    """Learn the colour from P0, which stands at azimuth `angle` [rad] and z = 0 in a frame.
 
     Raises:
         ColourRefusedError: P0 is not there, or its pixels define no colour.
@@ -100,15 +91,15 @@ def sample_colour(
         blob = _largest_blob(prior[index])
         # A cylinder of brass has the marker's hue and merges with it until only the marker is
         # saturated enough.
-        if blob.sum() < MOST_AREA * expected:
+        if blob.sum() < (1.0 + AREA_RANGE) * expected:
             break
-    if not LEAST_AREA * expected <= blob.sum() < MOST_AREA * expected:
+    if abs(blob.sum() - expected) > AREA_RANGE * expected:
         raise ColourRefusedError(
             f"P0 is not where it should be: {int(blob.sum())} pixels of its hue instead of "
             f"{expected:.0f}"
         )
     core = cv2.erode(blob, np.ones((3, 3), np.uint8), borderValue=0).astype(bool)
-    if core.sum() < LEAST_AREA * expected:
+    if core.sum() < (1.0 - AREA_RANGE) * expected:
         core = blob.astype(bool)
     _, wide = place.window(frame, 2.0 * place.reach)
     outside = np.ones(frame.shape[:2], dtype=bool)
@@ -119,20 +110,11 @@ def sample_colour(
 
 
 def locate_marker(
-    frame: ByteArray,
-    colour: ColourModel,
-    setup: Setup,
-    angle: float,
-    area: tuple[float, float],
+    frame: ByteArray, colour: ColourModel, setup: Setup, angle: float, area: tuple[float, float]
 ) -> tuple[float, float]:
-    """Return where P0's band appears near its place at azimuth `angle`, z = 0 [px].
+    """Return where P0's band appears near its place at azimuth `angle` [rad], z = 0 [px].
 
-    Args:
-        frame: Shape (rows, columns, 3).
-        colour: Of the markers.
-        setup: Machine and camera for the kernels.
-        angle: Azimuth of P0 [rad].
-        area: Least and most accepted share of the pixels that its band should fill.
+    Area is the least and the most accepted share of the pixels that it should fill.
 
     Raises:
         ColourRefusedError: Nothing of its size is there.
@@ -205,7 +187,7 @@ class BandSearch:
         if not proven:
             return None
         lowest = min(proven, key=lambda band: band.z)
-        if abs(lowest.z) < self._surely or abs(angle - self._begun) > TURN:
+        if abs(lowest.z) < self._surely or abs(angle - self._begun) > math.tau:
             return lowest
         return None
 
@@ -218,13 +200,13 @@ class BandSearch:
         )
 
     def _take(self, angle: float, azimuth: float, z: float, samples: ByteArray) -> None:
-        offset = math.remainder(azimuth - angle, TURN)
+        offset = math.remainder(azimuth - angle, math.tau)
         for band in self._passing:
-            off = math.remainder(offset - band.offset, TURN)
+            off = math.remainder(offset - band.offset, math.tau)
             if abs(off) < SAME_ANGLE and abs(z - band.z) < SAME_HEIGHT:
                 band.sightings += 1
                 share = 1.0 / band.sightings
-                band.offset = math.remainder(band.offset + share * off, TURN)
+                band.offset = math.remainder(band.offset + share * off, math.tau)
                 band.z += share * (z - band.z)
                 band.last = angle
                 band.samples = [*band.samples[-3:], samples]
@@ -273,7 +255,7 @@ def _bands(
             part[:, first + round(wide) :] = False
         size = int(part.sum())
         # Seen from the side a band is shorter.
-        if not 0.5 * WHOLE_ENOUGH * area <= size <= MOST_AREA * area:
+        if not 0.5 * WHOLE_ENOUGH * area <= size <= (1.0 + AREA_RANGE) * area:
             continue
         rows, columns = np.nonzero(part)
         if rows.min() == 0 or rows.max() == mask.shape[0] - 1:
@@ -285,6 +267,6 @@ def _bands(
         if not (-0.2 <= azimuth <= setup.usable_azimuth) or abs(z) > SEARCH_REACH:
             continue
         expected = _Place.predicted(setup, azimuth, z).pixels
-        if WHOLE_ENOUGH * expected <= size <= MOST_AREA * expected:
+        if WHOLE_ENOUGH * expected <= size <= (1.0 + AREA_RANGE) * expected:
             found.append((azimuth, z, strip[part]))
     return found

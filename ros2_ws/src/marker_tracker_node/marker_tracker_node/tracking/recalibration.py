@@ -6,39 +6,27 @@ import math
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.pictures import seen_again
 from marker_tracker_node.tracking.estimator.problem import ANGLE, AZIMUTH, LAP, MARKER, TIME, Z
+from marker_tracker_node.tracking.frame.run_means import STEP
 from marker_tracker_node.tracking.sighting_log import SightingLog
-from marker_tracker_node.tracking.state import (
-    PATH_STEP,
-    Burst,
-    Marks,
-    Rows,
-    Setup,
-    TrackerState,
-)
+from marker_tracker_node.tracking.state import PATH_STEP, Burst, Marks, Rows, Setup, TrackerState
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
-FloatArray = NDArray[np.float64]
-
-# Numbers are corrected anew for places that change by so many of their doubts.
-_CHANGED = 0.5
-# Readings that are looked back upon, and those of which the speed is taken.
-_RECENT, _SPEED_ROWS = 512, 10
+# Readings of which the speed is taken: a ramp changes it by little meanwhile.
+_SPEED_ROWS = 10
 _BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
 
 
 def turned(marks: Marks, errors: FloatArray, setups: tuple[Setup, Setup]) -> Correction:
     """Return where a turn of the camera, found in P0 alone, puts the markers.
 
-    Args:
-        marks: The markers.
-        errors: By how much each of `NUMBERS` is set too large, shape (numbers,).
-        setups: With which was measured, and with which it is from now on.
+    Errors are those of `NUMBERS`, shape (numbers,); setups that with which was measured, and the
+    new one.
     """
     known = np.flatnonzero(marks.known)
     bands = np.tile([0.0, 0.0, 0.0, -math.pi, math.pi, math.inf, math.inf], (known.size, 1))
@@ -97,20 +85,18 @@ class Recalibration:
         change = np.abs([found.theta, found.z] - _places(marks, found))
         if not self.made:
             return found.carried
-        return bool((change > _CHANGED * np.sqrt(found.doubt)).any())
+        return bool((change > STEP * np.sqrt(found.doubt)).any())
 
     def turned_ahead(self, motion: FloatArray, readings: FloatArray) -> FloatArray:
         """Return how much further than reported the cylinder has turned [rad], shape (k,).
 
-        Args:
-            motion: As reported so far: times [s], counted from the first, and angles from the
-                landing of P0 [rad], shape (n, 2).
-            readings: Times of frames [s], and angles as reported [rad], shape (2, k).
+        Motion is as reported so far, times [s] and angles from the landing of P0 [rad], shape (n,
+        2); readings are times of frames [s] and angles as reported [rad], shape (2, k).
         """
         t, angle = readings
         late = (t - motion[0, 0]) * self.errors[TIMES] / (1.0 + self.errors[TIMES])
         newer = readings[:, np.isfinite(angle) & (t > motion[-1, 0])]
-        times, angles = np.hstack([motion[-_RECENT:].T, newer])
+        times, angles = np.hstack([motion.T, newer])
         few = slice(-_SPEED_ROWS, None)
         passed = float(np.ptp(times[few]))
         speed = float(angles[-1] - angles[few][0]) / passed if passed else 0.0
@@ -121,13 +107,10 @@ class Recalibration:
     def as_begun(self, rows: Rows, setup: Setup) -> FloatArray:
         """Return azimuths [rad] and z [m] with the numbers with which the run began, shape (k, 2).
 
-        Args:
-            rows: Of SEEN, shape (k,).
-            setup: With which they were measured.
+        Rows of SEEN, shape (k,), were measured with the setup.
         """
-        if self.begun is None:
-            return np.column_stack([rows[name] for name in _BAND[:2]])
-        return _seen(_bands(rows), setup, self.begun)
+        bands = bands_of(rows)
+        return bands[:, :2] if self.begun is None else _seen(bands, setup, self.begun)
 
     def make(
         self,
@@ -139,12 +122,7 @@ class Recalibration:
     ) -> None:
         """Take what was measured so far as corrected numbers have it.
 
-        Args:
-            found: The correction.
-            state: Written in place.
-            log: Its sightings are written.
-            memory: Bursts, written.
-            setups: With which was measured, and with which it is from now on.
+        State, log and memory are written; setups are that with which was measured, and the new one.
         """
         marks, cylinder = state.marks, state.run.cylinder
         self.begun = self.begun or setups[0]
@@ -154,7 +132,7 @@ class Recalibration:
         scale = float(factors[SCALE] * factors[TIMES])
         for burst in memory:
             rows = burst.rows.ravel()
-            rows["azimuth"], rows["seen_height"] = _seen(_bands(rows), *setups).T
+            rows["azimuth"], rows["seen_height"] = _seen(bands_of(rows), *setups).T
             burst.angle[:] *= scale
         self.errors, self.made, self.posed = found.errors, found.carried, found.posed
         log.forget(found.unexplained)
@@ -170,7 +148,7 @@ class Recalibration:
         seen = log.sightings[log.sightings[:, MARKER] == 0]
         newest = seen[seen[:, LAP] == seen[:, LAP].max()]
         angle = newest[:, ANGLE] + self.turned_ahead(log.motion, newest[:, [TIME, ANGLE]].T)
-        azimuth = newest[:, AZIMUTH] + 2.0 * math.pi * newest[:, LAP]
+        azimuth = newest[:, AZIMUTH] + math.tau * newest[:, LAP]
         return float(np.median(azimuth - angle))
 
 
@@ -184,21 +162,15 @@ def _seen(bands: FloatArray, old: Setup, new: Setup) -> FloatArray:
     return seen_again(old.camera, old.body, new.camera, new.body, bands)
 
 
-def _bands(rows: Rows) -> FloatArray:
+def bands_of(rows: Rows) -> FloatArray:
     """Return the fields of `Band` of rows of SEEN, shape (k, 7)."""
     return np.column_stack([rows[name] for name in _BAND])
 
 
 def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
-    """Write azimuth and z with a new setup; return by how much P0's azimuths grow [rad].
-
-    Args:
-        sightings: See `Seen.rows`, shape (k, 11).
-        old: With which they were measured.
-        new: With which they are.
-    """
+    """Write azimuth and z of `Seen.rows` as a new setup has them; return what P0's gain [rad]."""
     bands = sightings[:, AZIMUTH:].copy()
-    bands[:, 0] += 2.0 * math.pi * sightings[:, LAP]
+    bands[:, 0] += math.tau * sightings[:, LAP]
     again = _seen(bands, old, new)
     grown = again[:, 0] - bands[:, 0]
     sightings[:, AZIMUTH] += grown
@@ -207,13 +179,7 @@ def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
 
 
 def _turn(state: TrackerState, ahead: float, scale: float) -> None:
-    """Take another angle of the cylinder.
-
-    Args:
-        state: Written in place.
-        ahead: How much further it has turned than was taken [rad].
-        scale: By what wound angles are multiplied.
-    """
+    """Take an angle of the cylinder that is further `ahead` [rad], wound angles times a scale."""
     run = state.run
     run.cylinder.angle += ahead
     run.cylinder.read += ahead
@@ -227,12 +193,9 @@ def _turn(state: TrackerState, ahead: float, scale: float) -> None:
 
 
 def _place(marks: Marks, found: Correction, area: float) -> None:
-    """Take other places of the markers; what is published goes over to them.
+    """Take other places of the markers, and so many times what is measured of expected areas.
 
-    Args:
-        marks: Written in place.
-        found: The correction.
-        area: By what measured over expected areas are multiplied.
+    What is published goes over to them.
     """
     known = found.markers
     turn, rise = [found.theta, found.z] - _places(marks, found)

@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.configured import body_without, camera_without
 from marker_tracker_node.tracking.estimator.fit import fitted
-from marker_tracker_node.tracking.estimator.numbers import CABLE, NUMBERS, PLACE, TILT, ZERO
-from marker_tracker_node.tracking.estimator.problem import Problem, Seen
+from marker_tracker_node.tracking.estimator.numbers import (
+    CABLE,
+    COUNT,
+    FOCAL,
+    NUMBERS,
+    PLACE,
+    TILT,
+    ZERO,
+)
+from marker_tracker_node.tracking.estimator.problem import ANGLE, MARKER, TIME, Problem, Seen
 from marker_tracker_node.tracking.frame.run_means import BENT_OVER_RUN, bent_height
-from marker_tracker_node.tracking.sightings import Sightings
-
-FloatArray = NDArray[np.float64]
 
 LEAST_SIGHTINGS = 20
 # More sightings add nothing: what they have wrong together is not averaged out.
@@ -29,7 +34,24 @@ CARRIED = 4.0
 # Numbers beside the pose that are not taken as they are configured. Paint that is not as thick as
 # the cable looks like a cable of another diameter.
 _DOUBTS = {number: NUMBERS[number].doubt for number in (ZERO, CABLE)}
-_POSE = np.arange(TILT, TILT + 6)
+_POSE = np.arange(TILT, FOCAL)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sightings:
+    """Every measured band of a run.
+
+    Attributes:
+        rows: See `Seen.rows`, whose times are of no account, shape (k, 11).
+        means: Run means of each marker's wound angle [rad] and z [m] from P0, shape (2, markers),
+            nan for one that is not known.
+        without: Errors of focal length and body that were taken off for azimuth and z, see `Seen`.
+    """
+
+    rows: FloatArray
+    pose: CameraPose  # Of the camera with which azimuth and z were computed
+    means: FloatArray
+    without: FloatArray = field(default_factory=lambda: np.zeros(COUNT))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,13 +90,25 @@ def refine(
     Raises:
         ValueError: There are too few sightings, or P0 was never seen.
     """
-    total = len(sightings.marker)
+    rows, total = sightings.rows.copy(), len(sightings.rows)
     if total < LEAST_SIGHTINGS:
         raise ValueError(f"a refinement needs at least {LEAST_SIGHTINGS} sightings, got {total}")
-    if not (sightings.marker == 0).any():
+    if not (rows[:, MARKER] == 0).any():
         raise ValueError("a refinement needs sightings of P0, there are none")
     belief = PoseBelief() if belief is None else belief
-    seen = _seen(config, camera, sightings)
+    # The cylinder's angle of each frame is known, and serves as time.
+    rows[:, TIME] = rows[:, ANGLE]
+    stride = -(-total // MOST_SIGHTINGS)
+    seen = Seen(
+        rows=np.concatenate([rows[rows[:, MARKER] == n][::stride] for n in np.unique(rows[:, 0])]),
+        motion=np.repeat([[rows[:, TIME].min()], [rows[:, TIME].max() + 1.0]], 2, axis=1),
+        area=math.nan,
+        zeroed=True,
+        camera=camera_without(camera, sightings.without),
+        used=sightings.pose,
+        nominal=config.pose,
+        body=body_without(config.body, sightings.without),
+    )
     problem = Problem(seen)
     prior = problem.doubting({**_DOUBTS, **dict(enumerate(belief.sigmas.tolist(), TILT))})
     start, nominal = problem.start.copy(), config.pose.numbers - sightings.pose.numbers
@@ -93,7 +127,7 @@ def refine(
     )
     places, spread = held.places(x), held.places(variance)
     if not moved.any():
-        means = np.array([sightings.mean_theta, sightings.mean_z])[:, held.markers]
+        means = sightings.means[:, held.markers]
         places[:] = np.where(np.isnan(means), places, means)
     spread[1] += (BENT_OVER_RUN * bent_height(config.body)) ** 2
     found = np.full((4, config.marker_count + 1), math.nan)
@@ -110,25 +144,6 @@ def refine(
         sigma_z=found[3],
         residual=math.sqrt(2.0 * float((off**2).mean())),
         sightings=total,
-    )
-
-
-def _seen(config: TrackerConfig, camera: PinholeCamera, sightings: Sightings) -> Seen:
-    """Return what is explained; the cylinder angle of each frame is known, and serves as time."""
-    s, turn = sightings, 2.0 * math.pi
-    lap = np.round(s.azimuth / turn)
-    beside = (s.slope, s.low, s.high, s.below, s.above)
-    rows = np.column_stack([s.marker, lap, s.angle, s.angle, s.azimuth - turn * lap, s.z, *beside])
-    stride = -(-len(rows) // MOST_SIGHTINGS)
-    return Seen(
-        rows=np.concatenate([rows[s.marker == n][::stride] for n in np.unique(s.marker)]),
-        motion=np.repeat([[s.angle.min()], [s.angle.max() + 1.0]], 2, axis=1),
-        area=math.nan,
-        zeroed=True,
-        camera=camera_without(camera, s.without),
-        used=s.pose,
-        nominal=config.pose,
-        body=body_without(config.body, s.without),
     )
 
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
-from marker_tracker_node.tracking.checks.camera_zero import CameraZero
+from marker_tracker_node.tracking.checks.camera_zero import LOOK_STEP, CameraZero
 from marker_tracker_node.tracking.checks.misplaced_camera import MisplacedCamera
 from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
 from marker_tracker_node.tracking.config import TrackerConfig
+from marker_tracker_node.tracking.frame.acquisition import P0_REACH
 from marker_tracker_node.tracking.p0_search import (
     NEAR_START,
-    TURN,
     BandSearch,
     MovingBand,
     sample_colour,
@@ -23,18 +23,12 @@ from marker_tracker_node.tracking.p0_search import (
 from marker_tracker_node.tracking.state import Burst, Setup
 from winding_core.units import MILLIMETRE
 
-ByteArray = NDArray[np.uint8]
-
-# Frames in between show nothing of what moves with the cylinder [rad].
-LOOK_STEP = 0.01
-# The acquisition of markers finds P0 itself so far from where the encoder places it [rad].
-BELIEVED = 0.45
 # A camera that was set by tape measure stands no farther from its height [m].
 MOST_HEIGHT = 0.03
 # What is still measured as P0 after so much of the way moves with the cylinder [rad].
 MOVED = 0.2
-# The doubts about a P0 that was sampled end after so much of the way [rad], and so many looks.
-DOUBTED, LEAST_LOOKS = 2.0 * TURN, 20
+# The doubts about a P0 that was sampled end after two turns, and so many looks.
+LEAST_LOOKS = 20
 
 
 class RunStart:
@@ -53,13 +47,7 @@ class RunStart:
     def __init__(
         self, config: TrackerConfig, camera: PinholeCamera, colour: ColourModel | None
     ) -> None:
-        """Start with what is given.
-
-        Args:
-            config: Machine, cable and nominal camera pose.
-            camera: Content of CameraInfo.
-            colour: Of the markers; None to learn it from P0.
-        """
+        """Start with a nominal camera pose, and the markers' colour; None to learn it from P0."""
         self.colour = colour
         self.origin = 0.0
         self.refusal = "" if colour is not None else "no frame with P0 yet"
@@ -80,11 +68,7 @@ class RunStart:
     def take(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
         """Take a frame; return whether what was known of the markers before is void.
 
-        Args:
-            frame: Shape (rows, columns, 3).
-            setup: Machine and camera.
-            angle: Reading of the encoder [rad]; nan where it is missing.
-            guide: Its position [m]; nan where it is missing.
+        The encoder's reading [rad] and the guide's position [m] are nan where they are missing.
         """
         void = False
         if math.isnan(self._begun) and math.isfinite(angle):
@@ -103,12 +87,7 @@ class RunStart:
         return void
 
     def saw(self, t: float, out: Burst) -> bool:
-        """Take what was measured of a frame; return whether what was known before is void.
-
-        Args:
-            t: Its time [s].
-            out: Of one frame.
-        """
+        """Take what a frame of time t [s] yielded; return whether what was known before is void."""
         turned = abs(float(out.angle[0]) + self.origin - self._begun)
         self._followed |= turned > MOVED and math.isfinite(float(out.rows[0, 0]["azimuth"]))
         void = not self.posed and self.zero.saw(t, out)
@@ -168,7 +147,7 @@ class RunStart:
             doubt = self._doubts.add(frame, setup, angle)
             if doubt:
                 return self._withdraw(doubt)
-        far = abs(angle - self._begun) > DOUBTED and self._looks > LEAST_LOOKS
+        far = abs(angle - self._begun) > 2.0 * math.tau and self._looks > LEAST_LOOKS
         self.proven = self.colour is not None and far
         return False
 
@@ -187,7 +166,7 @@ class RunStart:
 
     def _found(self, band: MovingBand, frame: ByteArray, angle: float, guide: float) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""
-        off = math.remainder(band.offset + self.origin, TURN)
+        off = math.remainder(band.offset + self.origin, math.tau)
         known = self.colour is not None
         if not known:
             samples = np.concatenate(band.samples)
@@ -197,15 +176,16 @@ class RunStart:
                 self.refusal, self._followed, self.proven = str(refusal), False, False
                 return False
             self.refusal = ""
-        if abs(off) < BELIEVED:
+        # The acquisition of markers finds P0 itself there.
+        if abs(off) < P0_REACH:
             return False
         place = angle + band.offset
         # The guide gives the whole turns: an encoder that is not zeroed does not count them.
         advance = self._config.advance_per_radian
         turns = 0
         if math.isfinite(guide) and advance > 0.0:
-            turns = max(round((guide / advance - place) / TURN), math.ceil(-place / TURN))
-        self.origin = -band.offset - TURN * turns
+            turns = max(round((guide / advance - place) / math.tau), math.ceil(-place / math.tau))
+        self.origin = -band.offset - math.tau * turns
         self._remarks.append(
             f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
             + self._or_height(off)

@@ -6,21 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from marker_tracker_node.tracking.state import TURN, Burst, FlagArray, IndexArray, Rows
+from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
+from marker_tracker_node.tracking.estimator.problem import COLUMNS
+from marker_tracker_node.tracking.state import Burst, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
-
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
-# Rows kept; a full log drops what lies between the first and the newest quarter.
+# Rows kept, of some minutes at the rate of the log; a full one drops what lies between the first
+# and the newest quarter.
 _ROWS = 16384
-_QUARTER = _ROWS // 4
-# Columns of `Seen.rows`; `_passings` has two more.
-_COLUMNS = 11
 # Every so many rows and columns of a picture show how bright it is.
 _LIGHT_STRIDE = 16
 
@@ -38,6 +34,11 @@ class Lap:
         """Frames that had the marker in sight."""
         return self.measured + self.missed
 
+    @property
+    def share(self) -> float:
+        """Share of those that measured it."""
+        return self.measured / max(self.frames, 1)
+
 
 class SightingLog:
     """Takes what frames yielded.
@@ -48,7 +49,7 @@ class SightingLog:
 
     def __init__(self) -> None:
         self.laps: dict[tuple[int, int], Lap] = {}
-        self._rows = _Table(_COLUMNS)
+        self._rows = _Table(COLUMNS)
         self._motion = _Table(2)
 
     @property
@@ -66,13 +67,9 @@ class SightingLog:
         self._rows.keep(~np.isin(self._rows.values[:, 0], numbers))
 
     def take(self, frames: ByteArray, kept: IndexArray, readings: FloatArray, out: Burst) -> None:
-        """Take some frames of a burst.
+        """Take frames of a burst, those of the kept numbers, shape (n,), and what they yielded.
 
-        Args:
-            frames: Shape (k, rows, columns, 3).
-            kept: Numbers of those that are taken, shape (n,).
-            readings: See `update_burst`; a frame without the encoder's is not taken.
-            out: What the frames yielded.
+        For readings see `update_burst`; a frame without the encoder's is not taken.
         """
         motion, passings = _passings(frames, kept, readings, out.angle, out.ahead, out.rows)
         self._motion.add(motion)
@@ -111,8 +108,9 @@ class _Table:
         """Take rows, shape (n, columns)."""
         while len(rows):
             if self._count == _ROWS:
-                self._values[_QUARTER : 2 * _QUARTER] = self._values[-_QUARTER:]
-                self._count = 2 * _QUARTER
+                first, second, _, newest = np.split(self._values, 4)
+                second[:] = newest
+                self._count = len(first) + len(second)
             taken, rows = rows[: _ROWS - self._count], rows[_ROWS - self._count :]
             self._values[self._count : self._count + len(taken)] = taken
             self._count += len(taken)
@@ -134,7 +132,7 @@ def _passings(
         marker was in sight and not found, and the mean grey level of the frame, shape (n, 13).
     """
     motion, count = np.empty((kept.size, 2)), 0
-    found, passings = np.empty((kept.size * rows.shape[1], _COLUMNS + 2)), 0
+    found, passings = np.empty((kept.size * rows.shape[1], COLUMNS + 2)), 0
     for k in kept:
         if math.isnan(readings[1, k]):
             continue
@@ -150,10 +148,10 @@ def _passings(
                 azimuth = angles[k] - row.theta
             if math.isnan(light):
                 light = _grey_level(frames[k])
-            lap = round(azimuth / TURN)
+            lap = round(azimuth / math.tau)
             one = found[passings]
             one[0], one[1], one[2], one[3] = n, lap, readings[0, k], motion[count - 1, 1]
-            one[4], one[5], one[6] = azimuth - TURN * lap, row.seen_height, row.slope
+            one[4], one[5], one[6] = azimuth - math.tau * lap, row.seen_height, row.slope
             one[7], one[8], one[9], one[10] = row.low, row.high, row.below, row.above
             one[11], one[12] = missed, light
             passings += 1

@@ -15,18 +15,15 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, cast, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
 from marker_tracker_node.camera.pinhole import CameraView
 from marker_tracker_node.detection.band import Body
 from winding_core.compiling import called
 
-FloatArray = NDArray[np.float64]
-FlagArray = NDArray[np.bool_]
-IndexArray = NDArray[np.int64]
 # A structured array of a `record_dtype`, which a kernel reads as the record class it is made of.
 Rows: TypeAlias = Any
 Record = TypeVar("Record")
 
-TURN = 2.0 * math.pi
 CANDIDATES = 8
 PATH_STEP = 0.05
 PATH_SIZE = 8192
@@ -181,7 +178,10 @@ def record_dtype(record: type) -> np.dtype[np.void]:
 
 RUN, MARK, CANDIDATE, SEEN = (record_dtype(kind) for kind in (Run, Marks, Candidates, Output))
 # The bytes of a marker of which a frame shows nothing: nan everywhere and no flag.
-_UNSEEN = np.array((*[math.nan] * (len(SEEN.fields or ()) - 1), 0), dtype=SEEN).tobytes()
+_NOTHING = np.zeros(1, dtype=SEEN)
+for _name, (_dtype, *_) in (SEEN.fields or {}).items():
+    _NOTHING[_name] = math.nan if _dtype.kind == "f" else 0
+_UNSEEN = _NOTHING.tobytes()
 
 
 def by_field(rows: Rows, record: type[Record]) -> Record:

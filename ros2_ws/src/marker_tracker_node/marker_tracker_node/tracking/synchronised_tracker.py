@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
@@ -34,7 +34,7 @@ class PairedFrame:
     """
 
     t: float  # Stamp [s]
-    frame: NDArray[np.uint8]  # Blue-green-red, shape (height, width, 3)
+    frame: ByteArray  # Blue-green-red, shape (height, width, 3)
     cylinder_angle: float | None  # [rad], unwrapped
     guide_z: float | None  # [m]
     astray: float = 0.0
@@ -57,11 +57,8 @@ class Synchroniser:
     ) -> None:
         """Start without frames.
 
-        Args:
-            history: To which readings are added.
-            patience: How far frames may run ahead of a silent encoder before they go without
-                it [s].
-            longest_lead: How far stamps may lie outside the readings of one that speaks [s].
+        Frames may run ahead of a silent encoder by `patience` [s], and stamps may lie outside the
+        readings of one that speaks by `longest_lead` [s].
         """
         self.history = EncoderHistory() if history is None else history
         self.correction = 0.0
@@ -69,7 +66,7 @@ class Synchroniser:
         self._longest_lead = longest_lead
         self._readings = 0
         # Time, picture, and how many readings had been heard when it came.
-        self._frames: deque[tuple[float, NDArray[np.uint8], int]] = deque()
+        self._frames: deque[tuple[float, ByteArray, int]] = deque()
         self._newest_frame = -math.inf
         # The newest frame when the encoder was last heard.
         self._heard = math.inf
@@ -81,7 +78,7 @@ class Synchroniser:
         if self._frames:
             self._heard = self._newest_frame
 
-    def add_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def add_frame(self, t: float, frame: ByteArray) -> None:
         """Take a frame, shape (height, width, 3), of time t [s]."""
         if not self._frames:
             self._heard = t
@@ -89,11 +86,7 @@ class Synchroniser:
         self._newest_frame = max(self._newest_frame, t)
 
     def ready(self, *, final: bool = False) -> Iterator[PairedFrame]:
-        """Yield the frames whose encoder reading is known, or will not come in time.
-
-        Args:
-            final: Whether no reading comes any more.
-        """
+        """Yield frames whose reading is known, or will not come in time; none comes if final."""
         while self._frames:
             t, frame, heard = self._frames[0]
             instant = t - self.correction
@@ -138,10 +131,7 @@ class SynchronisedTracker:
     ) -> None:
         """Take readings and frames from now on; frames wait until `start`.
 
-        Args:
-            settings: What to do about the camera's clock.
-            history: To which readings are added.
-            beside: Takes each frame after the tracker has measured it.
+        Readings are added to the history; each frame is given to `beside` once it is measured.
         """
         self.tracker: Tracker | None = None
         self.clock: CameraClock | None = None
@@ -159,16 +149,12 @@ class SynchronisedTracker:
         """Take an encoder sample of time t [s]."""
         self._pairs.add_reading(t, reading)
 
-    def add_frame(self, t: float, frame: NDArray[np.uint8]) -> None:
+    def add_frame(self, t: float, frame: ByteArray) -> None:
         """Take a frame, shape (height, width, 3), stamped t [s]."""
         self._pairs.add_frame(t, frame)
 
     def measured(self, *, final: bool = False) -> Iterator[tuple[float, Markers]]:
-        """Yield stamp [s] and records of the frames that can be measured now.
-
-        Args:
-            final: Whether no reading comes any more.
-        """
+        """Yield stamp [s] and records of what can be measured now; no reading comes if final."""
         if self.tracker is None or self.clock is None:
             return
         for pair in self._pairs.ready(final=final):

@@ -6,8 +6,8 @@ import math
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray, FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.checks.consistency import RunChecks
@@ -21,17 +21,13 @@ from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.frame.frame_update import update_burst
 from marker_tracker_node.tracking.frame.run_means import mean_variances
 from marker_tracker_node.tracking.machine_motion import MotionBefore
-from marker_tracker_node.tracking.recalibration import Recalibration, turned
+from marker_tracker_node.tracking.recalibration import Recalibration, bands_of, turned
+from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_start import RunStart
-from marker_tracker_node.tracking.sightings import Sightings
 from marker_tracker_node.tracking.state import Burst, Setup, TrackerState, fixed_numbers
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
-# Of a sighting that are kept as they are in `Output`.
-_BESIDE = ("slope", "low", "high", "below", "above")
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
 # No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
 _MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
@@ -166,9 +162,7 @@ class Tracker:
             np.asarray(frame)[None],
             np.array([[t], [angle - self.origin], [guide], [lead], [beside]]),
         )
-        self.seen = out.rows["azimuth"][0]
-        if self._numbers.begun is not None:
-            self.seen = self._numbers.as_begun(out.rows[0], self._setup)[:, 0]
+        self.seen = self._numbers.as_begun(out.rows[0], self._setup)[:, 0]
         if not self._start.done:
             self._motion.add(t, angle, guide)
             if self._start.saw(t, out):
@@ -188,11 +182,9 @@ class Tracker:
         return self.state.shift - self.origin - self._numbers.moved
 
     def rebase(self, shift: float, *, forget: bool) -> None:
-        """Take another azimuth of P0 at encoder angle zero.
+        """Take another azimuth of P0 at encoder angle zero, as in `seen` [rad].
 
-        Args:
-            shift: That azimuth, as in `seen` [rad].
-            forget: Whether what was found of P1 and later rests on wrong readings.
+        Forget what was found of P1 and later where that rests on wrong readings.
         """
         self.state.run.shift = shift + self._numbers.moved - self._numbers.ahead
         if forget:
@@ -258,23 +250,19 @@ class Tracker:
         rows = np.concatenate([burst.rows for burst in bursts])
         frame, marker = np.nonzero(np.isfinite(rows["azimuth"]))
         measured, numbers = rows[frame, marker], self._numbers
+        bands, pose, without = bands_of(measured), self.pose, numbers.errors
         if numbers.posed:
             # What `refine` finds is what is left of the pose with which the run began.
-            places = numbers.as_begun(measured, self._setup)
+            bands[:, :2] = numbers.as_begun(measured, self._setup)
             pose, without = self.begun, np.zeros_like(numbers.errors)
-        else:
-            places = np.column_stack([measured["azimuth"], measured["seen_height"]])
-            pose, without = self.pose, numbers.errors
+        lap = np.round(bands[:, 0] / math.tau)
+        bands[:, 0] -= math.tau * lap
+        angle = np.concatenate([burst.angle for burst in bursts])[frame]
         return Sightings(
-            marker=marker,
-            angle=np.concatenate([burst.angle for burst in bursts])[frame],
-            azimuth=places[:, 0],
-            z=places[:, 1],
+            rows=np.column_stack([marker, lap, angle, angle, bands]),
             pose=pose,
             without=without,
-            mean_theta=means["theta"],
-            mean_z=means["z"],
-            **{name: measured[name] for name in _BESIDE},
+            means=np.array([means["theta"], means["z"]]),
         )
 
     def report(self) -> TrackerReport:
@@ -290,7 +278,7 @@ class Tracker:
             slipped=tuple(np.flatnonzero(self._flags & int(MarkerFlag.SLIPPED)).tolist()),
             encoder_lost=bool(cylinder.blind),
             encoder_losses=self._losses,
-            encoder_wraps=round(cylinder.wraps / (2.0 * math.pi)),
+            encoder_wraps=round(cylinder.wraps / (math.tau)),
             colour_refusal=self._start.refusal,
             remarks=tuple(filter(None, (*self._start.sentences, self._numbers.remark))),
             colour_separation=separation,
@@ -412,7 +400,7 @@ class Tracker:
         )  # fmt: skip
         if self._memory is not None:
             self._memory.append(out)
-        self._evidence.take(still, palette.any, self._fixed, state, readings, out)
+        self._evidence.take(still, palette, self._fixed, state, readings, out)
         self._frames += len(frames)
         if len(frames):
             self._numbers.ahead = float(out.ahead[-1])

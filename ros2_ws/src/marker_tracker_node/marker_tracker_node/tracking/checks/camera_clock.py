@@ -18,15 +18,16 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
+from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE
 from marker_tracker_node.tracking.estimator.numbers import CLOCK, FOCAL, NUMBERS
+from marker_tracker_node.tracking.frame.acquisition import P0_REACH
+from marker_tracker_node.tracking.frame.frame_update import JUMP_THETA
 from marker_tracker_node.tracking.frame.run_means import ENCODER_TRUST, MEMORY, SHIFT_SHARE
 from winding_core.units import MILLISECOND
-
-FloatArray = NDArray[np.float64]
 
 # Sightings kept of each band; one that moved and aged by less shows the same as the last [rad, s].
 ROWS = 128
@@ -40,28 +41,17 @@ COVERED = 0.5
 SCATTER, SYSTEMATIC = 1.0e-3, 2.5e-4
 # The biases of an azimuth grow towards the edge of the cylinder: weight cos^FACING.
 FACING = 4
-# Sightings so many deviations off count half.
-CAUCHY = 3.0
+# Of weights that fall with the misfit, which change little after these.
 STEPS = 4
-# Frames from one estimate to the next, once the offset is known and before.
-REFINED_EVERY, SOUGHT_EVERY = 10, 6
+# Frames from one estimate to the next.
+REFINED_EVERY = 6
 # An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
 DRIFT = 1.0e-4
 LOCKED = NUMBERS[CLOCK].doubt
 # By how much bands may move too far, one standard deviation: focal length and cylinder.
 MOTION_SIGMA = NUMBERS[FOCAL].doubt
-_LEAST = 1.0e-9
-# In a lap that has not shown P0 it is sought so far beside where it is expected [rad]: encoder or
-# times are wrong by up to 7 %, and half a radian farther the estimator would have it hidden.
-SEEK_REACH = 0.45
-# Where it is found farther off than a gate reaches, it is followed from there [rad].
-GATE_REACH = 0.1
-TURN = 2.0 * math.pi
 # A length may be wrong by this share because of the clock.
 LENGTH_SHARE = 0.002
-SURE = 3.0
-# Of a marker's wound angle when it is found first [rad].
-_FIRST_ERROR = 4.0e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,13 +84,7 @@ class ClockOffset:
     """
 
     def __init__(self, history: EncoderHistory, bands: int, limit: float) -> None:
-        """Start without sightings.
-
-        Args:
-            history: The encoder's readings.
-            bands: Number of bands, P0 first.
-            limit: Largest offset that has to be found [s].
-        """
+        """Start without sightings of some bands, P0 first; offsets up to a limit [s] are found."""
         self.estimate = ClockEstimate()
         self._history = history
         steps = math.ceil((limit + BEYOND) / GRID)
@@ -113,18 +97,13 @@ class ClockOffset:
         self._found_at = -math.inf
 
     def add(self, t: float, azimuths: FloatArray) -> None:
-        """Take what was seen in a frame.
-
-        Args:
-            t: Its stamp [s].
-            azimuths: Of the bands [rad], nan where not seen, shape (bands,).
-        """
+        """Take azimuths of bands [rad] in a frame stamped t [s], nan where not seen, (bands,)."""
         if not len(self._history):
             return
         for n in np.flatnonzero(np.isfinite(azimuths)):
             self._store(int(n), t, float(azimuths[n]))
         self._frames += 1
-        if self._frames % (REFINED_EVERY if self.estimate.known else SOUGHT_EVERY) == 0:
+        if self._frames % REFINED_EVERY == 0:
             self._refine()
 
     def _store(self, n: int, t: float, azimuth: float) -> None:
@@ -157,13 +136,15 @@ class ClockOffset:
         residual = np.where(weight > 0.0, self._azimuth[:, :, None] - self._angle, 0.0)
         count, robust = weight.sum(axis=(0, 1)), weight
         for _ in range(STEPS):
-            mean = (robust * residual).sum(axis=1) / np.maximum(robust.sum(axis=1), _LEAST)
-            square = ((residual - mean[:, None]) / (CAUCHY * SCATTER)) ** 2
+            mean = (robust * residual).sum(axis=1) / np.maximum(
+                robust.sum(axis=1), LEAST_INFORMATION
+            )
+            square = ((residual - mean[:, None]) / (SURE * SCATTER)) ** 2
             robust = weight / (1.0 + square)
         usable = np.flatnonzero(count > COVERED * count.max())
         if not usable.size:
             return ClockEstimate()
-        cost = CAUCHY**2 * (weight * np.log1p(square)).sum(axis=(0, 1))[usable] / count[usable]
+        cost = SURE**2 * (weight * np.log1p(square)).sum(axis=(0, 1))[usable] / count[usable]
         as_well = usable[cost < cost.min() + 1.0]
         start = float(self._offsets[as_well[np.argmin(np.abs(self._offsets[as_well]))]])
         found = self._solve(start)
@@ -183,12 +164,12 @@ class ClockOffset:
             robust = np.where(seen, robust, 0.0)
             # What is left, and how it goes with offset and share, of each band about its mean.
             rows = np.array([np.where(seen, self._azimuth - angle, 0.0), -speed, angle])
-            mean = (robust * rows).sum(axis=2) / np.maximum(robust.sum(axis=1), _LEAST)
+            mean = (robust * rows).sum(axis=2) / np.maximum(robust.sum(axis=1), LEAST_INFORMATION)
             left, *columns = np.where(seen, rows - mean[:, :, None], 0.0)
             normal = np.einsum("ank,bnk,nk->ab", columns, columns, robust)
             normal[1, 1] += (SCATTER / MOTION_SIGMA) ** 2
             information = float(normal[0, 0] - normal[0, 1] ** 2 / normal[1, 1])
-            if information < _LEAST:
+            if information < LEAST_INFORMATION:
                 break
             step = np.linalg.solve(normal, np.einsum("ank,nk,nk->a", columns, left, robust))
             offset += float(step[0])
@@ -198,7 +179,7 @@ class ClockOffset:
                 (max(square / count, SCATTER**2) + count * SYSTEMATIC**2) / information
             )
             scatter = max(1.4826 * float(np.median(np.abs(left[seen]))), SCATTER)
-            robust = self._weight / (1.0 + (left / (CAUCHY * scatter)) ** 2)
+            robust = self._weight / (1.0 + (left / (SURE * scatter)) ** 2)
         if abs(offset) >= self._offsets[-1]:
             offset, error = 0.0, math.inf
         shift = float(mean[0, 0]) if seen[0].any() else math.nan
@@ -234,20 +215,14 @@ class CameraClock:
     def __init__(
         self, settings: ClockSettings, config: TrackerConfig, history: EncoderHistory
     ) -> None:
-        """Start with nothing known.
-
-        Args:
-            settings: What to do about the offset.
-            config: Of the tracker.
-            history: The encoder's readings.
-        """
+        """Start with nothing known."""
         self.settings = settings
         self.withheld = False
         self.applied = False
         self.doubt = np.zeros(config.marker_count + 1)
         self._history = history
         self._offset = ClockOffset(history, config.marker_count + 1, settings.limit)
-        self._tolerance = max(LENGTH_SHARE * config.expected_gap, _FIRST_ERROR)
+        self._tolerance = max(LENGTH_SHARE * config.expected_gap, SURE * SCATTER)
         self._gap = config.expected_gap
         self._fastest = 0.0
         # Mean speed at which the tracker's shift was measured, and its weight in frames.
@@ -270,31 +245,29 @@ class CameraClock:
     def lead(self, t: float, angle: float, shift: float) -> float:
         """Return how much further than by reading and shift P0 stands in a frame [rad].
 
-        Args:
-            t: Stamp of the frame [s].
-            angle: Reading that the frame is paired with [rad].
-            shift: See `Run` [rad].
+        It is stamped t [s], and paired with that reading [rad]; the shift is that of a `Run` [rad].
         """
         # Every second frame without P0 asks the encoder alone, should the estimate be wrong.
         if not math.isfinite(self.estimate.shift) or self._missed % 2:
             return 0.0
         place = self._read(t) + self._zero
-        lap = round(place / TURN)
+        lap = round(place / math.tau)
         if lap != self._lap:
             self._lap, self._shown = lap, False
         return place - angle - shift
 
     @property
     def beside(self) -> float:
-        """How far beside its place P0 is sought [rad]."""
-        return SEEK_REACH if self._missed and not self._shown else 0.0
+        """How far beside its place P0 is sought, in a lap that has not shown it [rad].
+
+        An encoder or times that are wrong by 7 % have it there.
+        """
+        return P0_REACH if self._missed and not self._shown else 0.0
 
     def take(self, t: float, azimuths: FloatArray) -> None:
-        """Take what was seen in a frame that had a reading.
+        """Take the azimuths [rad] that were seen in a frame that had a reading, stamped t [s].
 
-        Args:
-            t: Its stamp [s].
-            azimuths: Of the bands [rad], nan where not seen, shape (markers,).
+        They are nan where a band was not seen, shape (markers,).
         """
         self._offset.add(t, azimuths)
         estimate = self.estimate
@@ -307,7 +280,7 @@ class CameraClock:
             self._usual += max(1.0 / self._weight, SHIFT_SHARE) * (speed - self._usual)
             if not self._shown:
                 found = float(azimuths[0]) - self._read(t)
-                near = not abs(found - estimate.shift) > GATE_REACH
+                near = not abs(found - estimate.shift) > JUMP_THETA
                 self._astray = math.nan if near else found
             self._missed, self._shown = 0, True
         else:
@@ -327,11 +300,7 @@ class CameraClock:
             self.doubt[self.doubt > 0.5 * self._tolerance] = math.inf
 
     def stray(self, lead: float) -> None:
-        """Take note of a frame whose stamp lies far outside the encoder's readings.
-
-        Args:
-            lead: How far it is ahead of them, negative for behind [s].
-        """
+        """Take note of how far a stamp lies ahead of all readings, negative for behind [s]."""
         self._strayed = lead
 
     @property

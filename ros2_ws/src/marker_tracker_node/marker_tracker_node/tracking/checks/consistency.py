@@ -11,29 +11,25 @@ import math
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
+from marker_tracker_node.tracking.checks.lay_check import USUAL_SCALE
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import Correction
+from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS
 from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, Seen
 from marker_tracker_node.tracking.evidence import RunEvidence
-from marker_tracker_node.tracking.sighting_log import SightingLog
+from marker_tracker_node.tracking.sighting_log import Lap, SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
 
-FloatArray = NDArray[np.float64]
-
-# With fewer sightings nothing is estimated; it is again with so many times as many.
-_LEAST_ROWS, _MORE = 12, 1.25
+# It is judged anew with so many times as many sightings.
+_MORE = 1.25
 # Numbers that say when a band comes back.
 _TURNING = frozenset({"encoder_scale", "frame_times"})
-# A marker that comes back in fewer frames than this share has not come back.
-_RETURNED = 0.5
 # Markers are found in more frames than this share while nothing is wrong.
 _USUALLY_FOUND = 0.8
 # Grey levels of a picture that fell to less than this share of the beginning's.
 _DARKER = 0.75
-# Gaps between markers relative to expected ones: no modulus is set so wrongly.
-_GAPS = (0.72, 1.5)
 
 
 class RunChecks:
@@ -64,7 +60,7 @@ class RunChecks:
         if light is not None:
             self.contradictions = (light,)
             return False
-        wrong, self.correction = explained(seen()) if rows >= _LEAST_ROWS else ((), None)
+        wrong, self.correction = explained(seen()) if rows >= LEAST_ROWS else ((), None)
         self.contradictions = _of_everything(wrong, run, setup, state)
         return True
 
@@ -91,7 +87,7 @@ def _of_light(log: SightingLog, area: FloatArray) -> Contradiction | None:
         return None
     first, last = (log.laps[0, lap] for lap in (laps[0], laps[-1]))
     before, now = first.light / first.frames, last.light / last.frames
-    found, areas = _found(log, laps[-1]), area[area > 0.0]
+    found, areas = _late(log, laps[-1]).share, area[area > 0.0]
     smaller = areas.size > 0 and float(np.median(np.log(areas))) < -2.0 * AREA_SIGMA
     if now >= _DARKER * before or (found >= _USUALLY_FOUND and not smaller):
         return None
@@ -110,13 +106,14 @@ def _of_colour(log: SightingLog) -> Contradiction | None:
     laps = _whole_laps(log)
     if not laps:
         return None
-    first, found = log.laps[0, laps[0]], _found(log, laps[-1])
-    if found >= _RETURNED or first.measured < _RETURNED * first.frames:
+    first, late = log.laps[0, laps[0]], _late(log, laps[-1])
+    # What is missed more often than it is found has not come back.
+    if late.measured >= late.missed or first.measured < first.missed:
         return None
     return Contradiction(
         number="marker_colour",
         sentence=(
-            f"markers are found in {found:.0%} of the frames that have them in sight, and the "
+            f"markers are found in {late.share:.0%} of the frames that have them in sight, and the "
             "light is as it was: their colour has changed, or something covers them"
         ),
     )
@@ -128,10 +125,10 @@ def _whole_laps(log: SightingLog) -> list[int]:
     return laps if len(laps) > 1 else []
 
 
-def _found(log: SightingLog, lap: int) -> float:
-    """Return the share of frames that found a marker in a lap of P0."""
+def _late(log: SightingLog, lap: int) -> Lap:
+    """Return how often any marker was found in a lap of P0."""
     late = [one for (_, number), one in log.laps.items() if number == lap]
-    return sum(one.measured for one in late) / max(sum(one.frames for one in late), 1)
+    return Lap(sum(one.measured for one in late), sum(one.missed for one in late))
 
 
 def _of_spacing(
@@ -160,7 +157,8 @@ def _of_spacing(
             ),
         )
     ratio = float(np.median(gaps)) if gaps.size else 1.0
-    if _GAPS[0] <= ratio <= _GAPS[1]:
+    # No modulus is set so wrongly.
+    if 1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE:
         return None
     return Contradiction(
         number="marker_spacing",

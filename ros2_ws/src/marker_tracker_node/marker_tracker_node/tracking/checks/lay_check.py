@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
+from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.frame.laid_path import (
     LAY_SIGMA,
     LEAST_GAP,
@@ -33,15 +34,12 @@ from marker_tracker_node.tracking.state import (
 from winding_core.compiling import called
 from winding_core.units import MILLIMETRE
 
-FloatArray = NDArray[np.float64]
-
-# A guide that moves so many times as far as the feed, or as one turn beside the other, within a
-# tenth of a radian does not exist: its readings are millimetres.
-MOST_SCALE, JUDGED_AFTER = 50.0, 0.1
-# Travel over commanded travel in a turn or more: outside of this the markers decide.
-USUAL_SCALE = (0.7, 1.4)
-# The next marker is overdue when so many gaps and the part of a turn in sight are past.
-OVERDUE_GAPS = 1.3
+# A guide that moves so many times as far as the feed, or as one turn beside the other, while a
+# marker proves itself does not exist: its readings are millimetres.
+MOST_SCALE = 50.0
+# A number may be set, or a guide move, so many times too far or too little: what is beyond has
+# another cause.
+USUAL_SCALE = 1.4
 # No marker lies farther beside the path of its guide, as it is fitted: in 135 runs that were right
 # it was 4 mm, where two had changed places 9 and 12 mm.
 MOST_BESIDE = 6.0 * LAY_SIGMA
@@ -54,7 +52,7 @@ def judge_guide(
     """Decide at a frame what the run believes of the guide's readings; paths as in `Tracks`."""
     guide, filled, angle = run.guide, run.path_filled, run.cylinder.angle
     turned = abs(guide.turned)
-    if guide.belief >= CONTRADICTED or turned < JUDGED_AFTER:
+    if guide.belief >= CONTRADICTED or turned < PROOF_ADVANCE:
         return
     feed = setup.advance_per_radian
     most = max(abs(feed), setup.body.cable_radius / math.pi) * turned * MOST_SCALE
@@ -62,10 +60,11 @@ def judge_guide(
         _believe(guide, IMPOSSIBLE, angle)
         return
     expected = feed * guide.turned
-    least, largest = USUAL_SCALE
-    usual = min(least * expected, largest * expected) <= guide.travel
-    usual = usual and guide.travel <= max(least * expected, largest * expected)
-    if turned < 2.0 * math.pi or usual or not marks.known[0]:
+    # In a turn or more; beyond that the markers decide.
+    usual = abs(expected) <= USUAL_SCALE * abs(guide.travel)
+    usual = usual and abs(guide.travel) <= USUAL_SCALE * abs(expected)
+    usual = usual and guide.travel * expected >= 0.0
+    if turned < math.tau or usual or not marks.known[0]:
         return
     last = known_around(marks, math.inf)[0]
     if last > 0:
@@ -77,10 +76,9 @@ def judge_guide(
         if by_feed > by_readings + LAY_SIGMA and guide.belief == TRIED:
             _believe(guide, BY_READINGS, angle)
             return
-    due = marks.theta[last] + OVERDUE_GAPS * mean_gap(setup, marks, last)
-    due += setup.usable_azimuth
+    due = overdue(setup, marks, last) + setup.usable_azimuth
     missing = last < marks.known.size - 1 and angle > due
-    if missing and angle > guide.since + 2.0 * math.pi:
+    if missing and angle > guide.since + math.tau:
         _believe(guide, BY_READINGS if guide.belief == TRIED else TRIED, angle)
 
 
@@ -91,10 +89,15 @@ def _believe(guide: Guide, belief: int, angle: float) -> None:  # pragma: no cov
     guide.since = angle
 
 
+@called
+def overdue(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
+    """Return the wound angle [rad] where a marker would be the one after that behind the last."""
+    return float(marks.theta[last] + (1.0 + LEAST_GAP) * mean_gap(setup, marks, last))
+
+
 def guide_doubt(setup: Setup, state: TrackerState) -> str:
     """Return what is wrong with the guide's readings in the last frame, empty if nothing."""
     guide, ratio = state.run.guide, height_ratio(setup, state)
-    least, most = USUAL_SCALE
     if guide.belief == BY_READINGS:
         if not math.isfinite(guide.zero):
             return ""
@@ -103,7 +106,7 @@ def guide_doubt(setup: Setup, state: TrackerState) -> str:
                 f"a marker lies {beside / MILLIMETRE:.0f} mm beside where the guide has led the "
                 "cable: are markers confused?"
             )
-        if not (ratio < least or ratio > most):
+        if math.isnan(ratio) or 1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE:
             return ""
         return (
             f"the guide's readings contradict the pictures: the cable lies {ratio:.2f} "
@@ -146,7 +149,7 @@ def missing_markers(setup: Setup, state: TrackerState) -> tuple[int, ...]:
         return ()
     last = int(known[-1])
     # Then the next one is due as well, and this one has come past the camera once more.
-    due = marks.theta[last] + (1.0 + LEAST_GAP) * mean_gap(setup, marks, last) + 2.0 * math.pi
+    due = overdue(setup, marks, last) + math.tau
     late = [n for n in range(last) if not marks.known[n]]
     if last + 1 < marks.known.size and run.cylinder.angle > due:
         late.append(last + 1)

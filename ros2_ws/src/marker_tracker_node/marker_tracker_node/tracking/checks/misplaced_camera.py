@@ -5,32 +5,20 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA
-from marker_tracker_node.tracking.p0_search import SEARCH_REACH, BandSearch
-from marker_tracker_node.tracking.state import TURN, Setup
+from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LAY_SIGMA
+from marker_tracker_node.tracking.p0_search import SEARCH_REACH, WHOLE_ENOUGH, BandSearch
+from marker_tracker_node.tracking.state import Setup
 from winding_core.units import MILLIMETRE, MILLIRADIAN
-
-ByteArray = NDArray[np.uint8]
 
 # Errors of the camera's place along the axis, and of its height, that are tried [m]: so far apart
 # that P0 lies within the reach of a search with one of them.
-STEP = 1.6 * SEARCH_REACH
-ERRORS = tuple(STEP * step for step in (-2, -1, 1, 2))
-# P0 has passed once after so much of the way; what is found earlier may be another marker [rad].
-ONE_LAP = 1.2 * TURN
-# A marker before what is followed is in sight with it; after so much of the way a later one may be,
-# which lies below it where the guide stands behind [rad].
-ONE_PASS = 0.5 * TURN
-# A pass is looked at so often [rad].
-LOOK_STEP = 0.1
-# A cylinder may have the markers' hue: so much of a band has their colour, where that is known.
-PAINTED = 0.5
-# Markers before another lie one or two gaps ahead of it, within this [rad].
-BELIEVED = 0.4
+STEP, STEPS = 1.6 * SEARCH_REACH, 2
+ERRORS = tuple(STEP * step for step in range(-STEPS, STEPS + 1) if step)
 
 
 class MisplacedCamera:
@@ -45,6 +33,8 @@ class MisplacedCamera:
         # The first marker lies lowest where the feed leads upwards.
         self.done = config.advance_per_radian <= 0.0
         self._gap = config.expected_gap
+        # P0 has passed once after so much of the way; what is found earlier may be another marker.
+        self._lap = math.tau + config.usable_azimuth
         self._searches = {
             (axis, error): BandSearch(config) for axis in ("z", "y") for error in ERRORS
         }
@@ -64,16 +54,11 @@ class MisplacedCamera:
     ) -> str:
         """Take a frame; return where the camera may stand, empty while that is not known.
 
-        Args:
-            frame: Shape (rows, columns, 3).
-            setup: Machine and camera.
-            angle: Reading of the encoder [rad].
-            guide: Its position [m]; nan where it is missing.
-            followed: Azimuth less angle of what is followed as P0 already, which may be a later
-                marker [rad]; nan if nothing is.
-            colour: Of the markers; None if it is not known.
+        The encoder reads `angle` [rad], the guide stands at `guide` [m], nan where that is missing.
+        What is followed as P0 already, with an azimuth so far ahead of the reading [rad], may be a
+        later marker; nan if nothing is. The markers' colour is None if it is not known.
         """
-        if abs(angle - self._looked) < LOOK_STEP:
+        if abs(angle - self._looked) < PROOF_ADVANCE:
             return ""
         self._looked = angle
         if math.isnan(self._begun):
@@ -82,8 +67,10 @@ class MisplacedCamera:
         if something and math.isnan(self._since):
             self._since = angle
         # A guide that goes back by more than cable lies off lays later markers below the first.
-        self.done = way > 2.0 * ONE_LAP or guide < self._guide - LAY_SIGMA
-        self.done |= abs(angle - self._since) > ONE_PASS
+        self.done = way > 2.0 * self._lap or guide < self._guide - LAY_SIGMA
+        # A marker before what is followed is in sight with it; a later one may be after half a
+        # turn, and lies below it where the guide stands behind.
+        self.done |= abs(angle - self._since) > math.pi
         if self.done:
             return ""
         view = setup.camera
@@ -100,13 +87,14 @@ class MisplacedCamera:
             beyond = band.z if axis == "z" else setup.body.rho * math.sin(band.offset)
             if abs(beyond) > STEP:
                 continue
+            # A cylinder may have the markers' hue.
             samples = np.concatenate(band.samples)
-            if colour is None or colour.mask(samples[np.newaxis]).mean() > PAINTED:
+            if colour is None or colour.mask(samples[np.newaxis]).mean() > WHOLE_ENOUGH:
                 self._found[axis, error] = error + beyond
         along = min((error for (axis, _), error in self._found.items() if axis == "z"), default=0.0)
         if something:
             return _sentence(along, setup, "along the axis", "y") if along < -SEARCH_REACH else ""
-        if way < ONE_LAP or not self._found:
+        if way < self._lap or not self._found:
             return ""
         if along:
             return _sentence(along, setup, "along the axis", "y")
@@ -115,13 +103,13 @@ class MisplacedCamera:
 
     def _due(self, azimuth: float, usable: float) -> bool:
         """Return whether a marker before the one at an azimuth [rad] may be in sight."""
-        before = [math.remainder(azimuth + n * self._gap, TURN) for n in (1, 2)]
-        return any(-BELIEVED < place < usable for place in before)
+        before = [math.remainder(azimuth + n * self._gap, math.tau) for n in (1, 2)]
+        return any(-BAND_REACH < place < usable for place in before)
 
     def _strange(self, ahead: float) -> bool:
         """Return whether a band so far ahead of a marker [rad] is none of those before it."""
-        off = [math.remainder(ahead - n * self._gap, TURN) for n in (1, 2)]
-        return min(map(abs, off)) > BELIEVED
+        off = [math.remainder(ahead - n * self._gap, math.tau) for n in (1, 2)]
+        return min(map(abs, off)) > BAND_REACH
 
 
 def _sentence(error: float, setup: Setup, where: str, axis: str) -> str:

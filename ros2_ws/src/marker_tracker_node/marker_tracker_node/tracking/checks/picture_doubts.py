@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.detection.colour import hsv, hue_difference
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.p0_search import BandSearch
+from marker_tracker_node.tracking.p0_search import SATURATIONS, BandSearch
 from marker_tracker_node.tracking.state import Setup
-
-ByteArray = NDArray[np.uint8]
 
 # Pixels whose channels differ by less have no colour, and a picture with so few of others neither.
 GREY_LEVELS = 24
 COLOURED_SHARE = 2.0e-4
 # Readings that leap so far between frames may be degrees [rad]: a cylinder turns less.
 LEAP = 0.5
-# A hue that is not the marker's is looked at where the colour is strong.
-STRONG = 0.5
 
 _SWAPPED = (
     "the colours are swapped: P0 is found after exchanging red and blue; is it rgb8 labelled "
@@ -30,14 +27,14 @@ _SWAPPED = (
 _DEGREES = "the encoder's readings are degrees instead of radians: P0 moves with a 57.3th of them"
 _CHANGES: dict[str, Callable[[ByteArray], ByteArray]] = {
     "the picture is mirrored: P0 is found where it would be after exchanging left and right": (
-        lambda frame: frame[:, ::-1]
+        np.fliplr
     ),
     "the picture is upside down: P0 is found after turning it by half a turn": (
-        lambda frame: frame[::-1, ::-1]
+        lambda frame: np.fliplr(np.flipud(frame))
     ),
     "P0 moves against the cylinder: the picture is flipped, up for down, or the encoder counts "
-    "backwards (cylinder_scale -1)": lambda frame: frame[::-1],
-    _SWAPPED: lambda frame: frame[:, :, ::-1],
+    "backwards (cylinder_scale -1)": np.flipud,
+    _SWAPPED: lambda frame: cv2.cvtColor(frame, cv2.COLOR_RGB2BGR),
     _DEGREES: lambda frame: frame,
 }
 
@@ -91,7 +88,7 @@ def colourless(frame: ByteArray, config: TrackerConfig) -> str:
     hue, saturation, _ = hsv(frame[coloured])
     sought, off = config.marker_hue, config.marker_hue_tolerance
     away = np.abs(hue_difference(hue, sought))
-    strong = saturation > STRONG
+    strong = saturation > SATURATIONS[0]
     if strong.sum() < COLOURED_SHARE * coloured.size or (away <= off).sum() >= 4:
         return ""
     counts = np.bincount((hue[strong] // 10.0).astype(np.int64), minlength=36)

@@ -3,24 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, Fit
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
 
 
 def data_information(fit: Fit, chosen: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return what the sightings alone know of some unknowns of a fit.
+    """Return what the sightings alone know of chosen unknowns of a fit, of places of shape (n,).
 
-    Args:
-        fit: Converged.
-        chosen: Places of the unknowns, shape (n,).
-
-    Returns:
-        Information on them without their prior, (n, n); what a change of them takes off every
-        other unknown, (others, n); and information on the others, (others, others).
+    That is the information on them without their prior, (n, n); what a change of them takes off
+    every other unknown, (others, n); and the information on the others, (others, others).
     """
     rest = np.delete(np.arange(fit.x.size), chosen)
     others = fit.normal[np.ix_(rest, rest)] + np.diag(fit.prior[rest] + LEAST_INFORMATION)

@@ -5,16 +5,21 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.band import Body
-from marker_tracker_node.tracking.estimator.numbers import BAND, CABLE, CYLINDER, FOCAL, TILT
+from marker_tracker_node.tracking.estimator.numbers import (
+    BAND,
+    CABLE,
+    CYLINDER,
+    FOCAL,
+    NUMBERS,
+    TILT,
+)
 
-FloatArray = NDArray[np.float64]
-
-# A step of the fit may lead beyond this share of a number, where it has no logarithm.
-LEAST = -0.95
+# A step of the fit may lead beyond, where a number has no logarithm.
+LEAST = np.array([-number.most for number in NUMBERS])
 
 
 def pose_without(pose: CameraPose, errors: FloatArray) -> CameraPose:
@@ -31,7 +36,9 @@ def camera_without(camera: PinholeCamera, errors: FloatArray) -> PinholeCamera:
 
 def body_without(body: Body, errors: FloatArray) -> Body:
     """Return what is configured of cylinder, cable and bands without its errors."""
-    cylinder, cable, band = (1.0 + max(float(errors[k]), LEAST) for k in (CYLINDER, CABLE, BAND))
+    cylinder, cable, band = (
+        1.0 + max(float(errors[k]), float(LEAST[k])) for k in (CYLINDER, CABLE, BAND)
+    )
     r = body.cable_radius / cable
     radius = (body.rho - body.cable_radius) / cylinder
     return body._replace(rho=radius + r, cable_radius=r, half_band=body.half_band / band)

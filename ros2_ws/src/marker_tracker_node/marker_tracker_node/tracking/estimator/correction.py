@@ -6,22 +6,17 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
 from marker_tracker_node.tracking.estimator.fit import fitted
 from marker_tracker_node.tracking.estimator.numbers import COUNT, FOCAL, SCALE, TILT, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
-from marker_tracker_node.tracking.estimator.verdict import EXPLAINED, Verdict
-
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
+from marker_tracker_node.tracking.estimator.verdict import DEPENDENT, EXPLAINED, Verdict
 
 # Right numbers of 101 consistent films came to 5.4 deviations of the data, once to 6.3 along an
 # axis on which positions hardly depend.
 _CARRIED = 5.5
-# Sightings that are neighbours err together: differences of cost are too large by this.
-_DEPENDENT = 2.5
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,10 +45,7 @@ class Correction:
 def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction | None:
     """Return what the sightings correct; None where nothing is to be changed.
 
-    Args:
-        problem: Sightings and model.
-        verdict: What explains them.
-        made: Whether they were measured with a correction, which may have to be taken back.
+    If they were measured with a correction, `made`, that may have to be taken back.
     """
     others = verdict.released
     turning = {one.number in (SCALE, TIMES) for one in others}
@@ -81,7 +73,7 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     places, count = problem.places(x), problem.markers.size
     doubt = np.diag(follow @ covariance @ follow.T)[: 2 * count].reshape(2, count).copy()
     # What explains the sightings as well may be what is wrong.
-    likely = [math.exp(0.5 * (fit.cost - one.fit.cost) / _DEPENDENT) for one in others]
+    likely = [math.exp(0.5 * (fit.cost - one.fit.cost) / DEPENDENT) for one in others]
     for one, share in zip(others, likely, strict=True):
         doubt += share / sum(likely) * (problem.places(one.fit.x) - places) ** 2
     return Correction(

@@ -5,17 +5,17 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.problem import Problem
 
-FloatArray = NDArray[np.float64]
-
-# A sighting of so many deviations counts half.
-_CAUCHY = 3.0
+# So many deviations are no chance: one number in 370 is as far off. Such a sighting counts half.
+SURE = 3.0
 # The cost of a good step falls by more than this, else the fit has settled.
 _SETTLED = 0.2
 _STEPS = 16
+# With fewer sightings nothing is estimated.
+LEAST_ROWS = 12
 # So much is known of everything, for numbers that nothing else tells.
 LEAST_INFORMATION = 1.0e-9
 
@@ -42,11 +42,8 @@ def fitted(
 ) -> Fit:
     """Return the unknowns of least cost.
 
-    Args:
-        problem: Sightings and model.
-        prior: Inverse variances, zero for markers, shape (unknowns,).
-        start: Unknowns to start at, shape (unknowns,).
-        centre: Of the prior, shape (unknowns,); None for zero.
+    The prior's inverse variances, zero for markers, its centre, zero if None, and the unknowns to
+    start at have the shape (unknowns,).
     """
     centre = np.zeros(prior.size) if centre is None else centre
     best = _at(problem, prior, centre, start)
@@ -70,8 +67,8 @@ def _at(problem: Problem, prior: FloatArray, centre: FloatArray, x: FloatArray) 
     off, slopes = problem.linearised(x)
     off, slopes = off / problem.sigma[:, None], slopes / problem.sigma[:, None, None]
     square = (off**2).sum(axis=1)
-    weight = 1.0 / (1.0 + square / _CAUCHY**2)
-    cost = _CAUCHY**2 * float(np.log1p(square / _CAUCHY**2).sum())
+    weight = 1.0 / (1.0 + square / SURE**2)
+    cost = SURE**2 * float(np.log1p(square / SURE**2).sum())
     area, by_area = problem.area(x)
     flat = slopes.reshape(-1, x.size)
     weighted = flat * np.repeat(weight, 2)[:, None]

@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
-IndexArray = NDArray[np.int64]
-BoolArray = NDArray[np.bool_]
-Sigmas = tuple[tuple[float, float], ...]
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
+
+Sigmas = tuple[float, float] | tuple[tuple[float, float], ...]
 
 # One standard deviation [px] along the cylinder and across it, of a constant, of what goes with the
 # sine of the azimuth, and with twice its square less one. Most likely at the true pose of 70 random
@@ -24,7 +22,7 @@ COMMON = ((0.1, 0.05), (0.06, 0.12), (0.06, 0.06))
 # numbers. Of the last ones across 0.25 and -0.13 is the mean, which is the band model's own.
 IN_ANY_LIGHT = ((0.1, 0.1), (0.06, 0.2), (0.2, 0.15))
 OF_MARKER = ((0.02, 0.02), (0.08, 0.03), (0.02, 0.03))
-OF_CUT = ((0.3, 0.1), (0.2, 0.1), (0.2, 0.1))
+OF_CUT = (0.2, 0.1)
 # A turn whose axis is nearer than this may hide or cut off a part, in radii of the cable: where it
 # lies is believed to some tenths of a radius.
 BESIDE = 2.6
@@ -32,12 +30,10 @@ BESIDE = 2.6
 CUT_SCATTER = 0.25
 
 
-def cut_off(bands: FloatArray, cable_radius: float) -> tuple[BoolArray, BoolArray]:
-    """Return which bands lie beside a turn at -z, and at +z, that may cut them off, shape (k,).
+def cut_off(bands: FloatArray, cable_radius: float) -> tuple[FlagArray, FlagArray]:
+    """Return which bands a turn at -z, and one at +z, may cut off, shape (k,).
 
-    Args:
-        bands: Fields of `Band`, shape (k, 7).
-        cable_radius: [m]
+    Bands have the fields of `Band`, shape (k, 7); the cable's radius is in [m].
     """
     low, high, below, above = bands.T[3:]
     near = BESIDE * cable_radius
@@ -45,27 +41,19 @@ def cut_off(bands: FloatArray, cable_radius: float) -> tuple[BoolArray, BoolArra
 
 
 def bias_shapes(
-    azimuth: FloatArray,
-    row: IndexArray,
-    cuts: tuple[BoolArray, BoolArray],
-    common: Sigmas = COMMON,
+    azimuth: FloatArray, row: IndexArray, cuts: tuple[FlagArray, FlagArray], common: Sigmas = COMMON
 ) -> tuple[FloatArray, FloatArray]:
-    """Return what each unit of bias adds to the pictures, and what is believed of it.
+    """Return what units of bias add to pictures, (k, 2, biases), and their sigmas [px], (biases,).
 
-    Args:
-        azimuth: Of each sighting [rad], shape (k,).
-        row: Place of each sighting's marker among those that were seen, shape (k,).
-        cuts: See `cut_off`.
-        common: What is believed of all bands in common.
-
-    Returns:
-        Shapes, (k, 2, biases), and one standard deviation of each [px], (biases,).
+    Sightings have azimuths [rad] and the place of their marker among those seen, shape (k,); for
+    cuts see `cut_off`, `common` is what is believed of all bands in common [px].
     """
     sine = np.sin(azimuth)
     curves = np.array([np.ones(sine.size), sine, 2.0 * sine**2 - 1.0])
-    groups = [(np.ones(sine.size, dtype=bool), common)]
+    groups: list[tuple[FlagArray, Sigmas]] = [(np.ones(sine.size, dtype=bool), common)]
     groups += [(row == i, OF_MARKER) for i in np.unique(row)]
     groups += [(cut, OF_CUT) for cut in cuts if cut.any()]
     members = np.array([group for group, _ in groups], dtype=float)
     shapes = np.einsum("gk,sk,ab->kagsb", members, curves, np.eye(2))
-    return shapes.reshape(sine.size, 2, -1), np.ravel([sigmas for _, sigmas in groups])
+    sigmas = [np.broadcast_to(sigma, (len(curves), 2)) for _, sigma in groups]
+    return shapes.reshape(sine.size, 2, -1), np.ravel(sigmas)

@@ -5,22 +5,24 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraView, plane_of_point
-from marker_tracker_node.detection.band import Band, Body, band_centroid, moved_band, solve_band
+from marker_tracker_node.detection.band import (
+    Band,
+    Body,
+    band_centroid,
+    band_of,
+    moved_band,
+    solve_band,
+)
+from marker_tracker_node.tracking.frame.gate_prediction import RING_DEPTH
 from winding_core.compiling import called, compiled
 
-FloatArray = NDArray[np.float64]
-
 # Rows of `band_pictures` after the picture itself; tilt and place have three.
-TILT, PLACE = 1, 4
-AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH, _ROWS = range(7, 13)
+_, TILT, _, _, PLACE, _, _, AZIMUTH, HEIGHT, CYLINDER, CABLE, BAND_WIDTH, _ROWS = range(13)
 # Differences of the band model are taken over so much of the radius, and of a radian.
-_STEP = 1.0e-4
-# The visible half of a ring acts like a point this far out, in radii of the cable beyond its
-# centre line: 0.57 to 0.76, see `band`.
-_OUTSIDE = 0.6
+STEP = 1.0e-4
 
 
 @compiled
@@ -45,16 +47,15 @@ def band_pictures(
     """
     out = np.empty((bands.shape[0], _ROWS, 2))
     r, radius = body.cable_radius, body.rho - body.cable_radius
-    wider = Body(body.rho + _STEP * radius, r, body.half_band, body.half_around)
-    thicker = Body(body.rho + _STEP * r, r * (1.0 + _STEP), body.half_band, body.half_around)
-    longer = Body(body.rho, r, body.half_band * (1.0 + _STEP), body.half_around)
+    wider = Body(body.rho + STEP * radius, r, body.half_band, body.half_around)
+    thicker = Body(body.rho + STEP * r, r * (1.0 + STEP), body.half_band, body.half_around)
+    longer = Body(body.rho, r, body.half_band * (1.0 + STEP), body.half_around)
     for k in range(bands.shape[0]):
-        row = bands[k]
-        band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+        band = band_of(bands[k])
         a, b, _area = band_centroid(view, body, band)
         out[k, 0, 0], out[k, 0, 1] = a, b
         _by_camera(view, body, band, a, b, out[k])
-        further = moved_band(band, band.azimuth + _STEP, band.z)
+        further = moved_band(band, band.azimuth + STEP, band.z)
         _by_difference(band_centroid(view, body, further), out[k], AZIMUTH)
         _by_difference(band_centroid(view, wider, band), out[k], CYLINDER)
         _by_difference(band_centroid(view, thicker, band), out[k], CABLE)
@@ -68,20 +69,12 @@ def seen_again(
 ) -> FloatArray:  # pragma: no cover
     """Return azimuth [rad] and z [m] of bands as another camera and body explain their pictures.
 
-    Args:
-        view: The camera with which they were measured.
-        body: What they were taken to be painted on.
-        other: The camera that explains them.
-        painted: What they are then painted on.
-        bands: Fields of `Band`, shape (k, 7).
-
-    Returns:
-        Shape (k, 2); as they were where the other camera sees no cable.
+    Bands are rows of the fields of `Band`, shape (k, 7), measured with the first view and body.
+    Those of which the other camera sees no cable stay as they were. Shape (k, 2).
     """
     out = bands[:, :2].copy()
     for k in range(bands.shape[0]):
-        row = bands[k]
-        band = Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+        band = band_of(bands[k])
         a, b, _area = band_centroid(view, body, band)
         a, b = a * view.fx / other.fx, b * view.fy / other.fy
         azimuth, z = solve_band(other, painted, a, b, band)
@@ -95,8 +88,8 @@ def _by_difference(
     moved: tuple[float, float, float], out: FloatArray, row: int
 ) -> None:  # pragma: no cover
     """Write the derivatives that follow from a band that has moved by a step."""
-    out[row, 0] = (moved[0] - out[0, 0]) / _STEP
-    out[row, 1] = (moved[1] - out[0, 1]) / _STEP
+    out[row, 0] = (moved[0] - out[0, 0]) / STEP
+    out[row, 1] = (moved[1] - out[0, 1]) / STEP
 
 
 @called
@@ -104,7 +97,7 @@ def _by_camera(
     view: CameraView, body: Body, band: Band, a: float, b: float, out: FloatArray
 ) -> None:  # pragma: no cover
     """Write the derivatives by tilt, position and z: those of a point of the picture at (a, b)."""
-    outside = body.rho + _OUTSIDE * body.cable_radius
+    outside = body.rho + RING_DEPTH * body.cable_radius
     x, y = outside * math.cos(band.azimuth), outside * math.sin(band.azimuth)
     if band.azimuth < 0.0:
         x, y = outside, body.rho * band.azimuth

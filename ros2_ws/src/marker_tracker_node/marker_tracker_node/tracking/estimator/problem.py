@@ -16,8 +16,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCamera
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
@@ -50,23 +50,15 @@ from marker_tracker_node.tracking.estimator.numbers import (
     ZERO,
 )
 
-FloatArray = NDArray[np.float64]
-
 # Inverse variance of what is taken as it is, to a micrometre or a microradian.
 HELD = 1.0e12
-# Columns of sightings.
-MARKER, LAP, TIME, ANGLE, AZIMUTH, Z = range(6)
+# Columns of sightings; z is followed by slope, low, high, below and above, as in `Band`.
+MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, _, _, _, _, _, COLUMNS = range(12)
 # Bands of consistent runs are up to 5 % smaller than they are, as their edges are mixed pixels, or
 # 5 % larger where they are blurred.
 AREA_SIGMA = 0.035
 # Laps of a marker that are explained, and sightings: what a long run costs does not grow with it.
 _FIRST_LAPS, _NEWEST_LAPS, _MOST_ROWS = 2, 4, 400
-# Bands that are seen from the side tell little: cosine of the largest azimuth.
-_FACING = 0.5
-# What is left of a sighting that the unknowns place behind the cylinder [px].
-_HIDDEN = 1000.0
-_AREA_STEP = 0.01
-_AREA_AZIMUTHS = np.linspace(-0.9, 0.9, 7)
 # Least scatter of a sighting with what its neighbours share [px].
 _SCATTER = 0.1
 
@@ -102,7 +94,7 @@ class Seen:
             own = rows[:, MARKER] == marker
             laps = np.unique(rows[own, LAP])
             chosen = np.concatenate([laps[:_FIRST_LAPS], laps[_FIRST_LAPS:][-_NEWEST_LAPS:]])
-            kept |= own & np.isin(rows[:, LAP], chosen) & (np.cos(rows[:, AZIMUTH]) > _FACING)
+            kept |= own & np.isin(rows[:, LAP], chosen)
         rows = rows[kept]
         return cls(rows=rows[:: max(-(-len(rows) // _MOST_ROWS), 1)], **others)
 
@@ -118,14 +110,14 @@ class Problem:
     """
 
     def __init__(self, seen: Seen, common: Sigmas = COMMON) -> None:
-        """Take what was seen, and what the mask may have wrong in all of it."""
+        """Take what was seen, and what the mask may have wrong in all of it [px]."""
         rows = seen.rows
         self._seen = seen
         self.markers, self._index = np.unique(rows[:, MARKER].astype(int), return_inverse=True)
         count = self.markers.size
         self._first_z = COUNT + count
         self._first_bias = COUNT + 2 * count
-        turn = 2.0 * math.pi
+        turn = math.tau
         azimuth = rows[:, AZIMUTH] + turn * rows[:, LAP]
         self._bands = np.column_stack([azimuth, rows[:, Z : Z + 6]])
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
@@ -163,14 +155,10 @@ class Problem:
         return prior
 
     def linearised(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return what the unknowns leave unexplained, and its derivatives by them.
+        """Return what unknowns, shape (unknowns,), leave unexplained, and its derivatives by them.
 
-        Args:
-            x: Unknowns, shape (unknowns,).
-
-        Returns:
-            Measured less explained picture, shape (k, 2) [px], and derivatives of what is
-            explained, shape (k, 2, unknowns).
+        That is the measured less the explained picture, shape (k, 2) [px], and derivatives of what
+        is explained, shape (k, 2, unknowns).
         """
         rows = self._seen.rows
         turned, speed, at = self._motion(x)
@@ -204,7 +192,7 @@ class Problem:
         off = self._goal - explained
         # What lies behind the cylinder, or a step on, is not seen and explains nothing.
         hidden = np.isnan(by).any(axis=(0, 2))
-        off[hidden], slopes[hidden] = _HIDDEN, 0.0
+        off[hidden], slopes[hidden] = HELD, 0.0
         return off, slopes
 
     @property
@@ -283,20 +271,20 @@ def _scatter(off: FloatArray, rows: FloatArray) -> float:
 
 
 def _area_slopes(view: CameraView, body: Body) -> FloatArray:
-    """Return how the logarithm of a band's area over the expected one goes with the numbers."""
+    """Return how the logarithm of a band's area over the expected one goes with the numbers.
 
-    def area(other: Body) -> float:
-        bands = (Band(azimuth, view.z, 0.0) for azimuth in _AREA_AZIMUTHS.tolist())
-        return float(np.mean([math.log(band_centroid(view, other, band)[2]) for band in bands]))
+    The same bands are as large at every azimuth but for some hundredths: one stands for all.
+    """
 
-    r, radius = body.cable_radius, body.rho - body.cable_radius
-    usual = area(body)
+    def area(errors: FloatArray) -> float:
+        band = Band(0.0, view.z, 0.0)
+        return math.log(band_centroid(view, body_without(body, errors), band)[2])
+
     slopes = np.zeros(COUNT)
-    wider = body._replace(rho=radius * (1.0 + _AREA_STEP) + r)
-    thicker = body._replace(rho=body.rho + _AREA_STEP * r, cable_radius=(1.0 + _AREA_STEP) * r)
-    slopes[CYLINDER] = -(area(wider) - usual) / _AREA_STEP
-    slopes[CABLE] = -(area(thicker) - usual) / _AREA_STEP
-    slopes[FOCAL], slopes[BAND] = -2.0, -1.0
+    for number in (CYLINDER, CABLE, BAND):
+        step = np.where(np.arange(COUNT) == number, pictures.STEP, 0.0)
+        slopes[number] = (area(step) - area(-step)) / (2.0 * pictures.STEP)
+    slopes[FOCAL] = -2.0
     # Set too far, the camera stands nearer.
     slopes[PLACE] = 2.0 / (view.x - body.rho)
     return slopes

@@ -4,46 +4,35 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.carried import data_information
-from marker_tracker_node.tracking.estimator.fit import Fit, fitted
+from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE, Fit, fitted
 from marker_tracker_node.tracking.estimator.numbers import CLOCK, COUNT, NUMBERS, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem
-
-FloatArray = NDArray[np.float64]
 
 # Releasing a prior must explain so much: in 101 consistent films it explained 9.3 at most.
 _LEAST_GAIN = 10.0
 # And the number must be off by so many deviations, its doubt among them.
 _SIGNIFICANT = 2.5
-# What costs no more than this beyond the best explanation, or this share of its gain, is one, too:
-# neighbours in a passing err together, which makes differences of cost 2 to 3 times too large.
+# Sightings that are neighbours err together: differences of cost are 2 to 3 times too large.
+DEPENDENT = 2.5
+# What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
 _AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
 # Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
 EXPLAINED = 6.5
-# Then the numbers are named that the fit takes so many doubts from what was configured.
-_FAR = 3.0
 # What gains less than this share of the best is not tried, and not named beside it: a large error
 # leaves bends that a small turn of the camera takes up.
 _LEAST_SHARE = 0.1
-# Nor what promises less than this share of what is needed: a step of outliers and bends promises
-# half of what it leads to.
-_PROMISED = 0.5
-_MOST_TRIED = 9
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
 _LEAST_ALONE, _LEFT_ALONE = 30.0, 0.3
-# So many numbers are named at most.
-_MOST_WRONG = 2
-# Axes of less information than this share of the best one are not observed.
-_OBSERVED = 1.0e-9
 
 
-@dataclass(frozen=True, kw_only=True)
-class Explanation:
+class Explanation(NamedTuple):
     """A number that explains the sightings if it is set wrongly."""
 
     number: int  # Index in `NUMBERS`
@@ -93,7 +82,8 @@ def judged(problem: Problem) -> Verdict:
     if first:
         second = _explanations(problem, first[0].fit)
         wrong = (first, second) if second else wrong
-    if len(wrong) < _MOST_WRONG and problem.markers.size > 1:
+    # One number is named, or two.
+    if len(wrong) < 2 and problem.markers.size > 1:
         fit = first[0].fit if first else usual
         least = max(_LEAST_ALONE, _LEAST_SHARE * (usual.cost - fit.cost))
         beside = _within_doubt(fit, [one[0].number for one in wrong], least)
@@ -118,7 +108,7 @@ def _within_doubt(
     data, _, _ = data_information(fit, np.arange(COUNT))
     x, pull = fit.x[:COUNT], (fit.prior * fit.x)[:COUNT]
     strength, axes = np.linalg.eigh(data)
-    held = strength > _OBSERVED * strength[-1]
+    held = strength > LEAST_INFORMATION * strength[-1]
     least = -float(((axes.T @ pull)[held] ** 2 / strength[held]).sum())
 
     def errors(numbers: list[int]) -> FloatArray:
@@ -134,7 +124,7 @@ def _within_doubt(
 
     exact, chosen = cost(named), list(named)
     best = exact
-    while best > _LEFT_ALONE * exact and len(chosen) < _MOST_WRONG:
+    while best > _LEFT_ALONE * exact and len(chosen) < 2:
         others = [k for k in range(COUNT) if k not in chosen]
         chosen.append(min(others, key=lambda k: cost([*chosen, k])))
         if best - cost(chosen) < least_gain:
@@ -150,17 +140,9 @@ def _within_doubt(
         # Wound angles are counted from P0 itself, and the clock is judged by its own offset.
         if not set(order) <= {ZERO, CLOCK}:
             sizes = {k: float(errors([*beside, k])[k]) for k in order}
+            spread = {k: float(data[k, k]) ** -0.5 for k in order}
             groups.append(
-                tuple(
-                    Explanation(
-                        number=k,
-                        error=sizes[k],
-                        sigma=float(data[k, k]) ** -0.5,
-                        fit=fit,
-                        doubted=True,
-                    )
-                    for k in order
-                )
+                tuple(Explanation(k, sizes[k], spread[k], fit, doubted=True) for k in order)
             )
     return tuple(groups)
 
@@ -169,9 +151,9 @@ def _furthest(usual: Fit) -> tuple[Explanation, ...]:
     """Return the numbers that a fit takes far from what was configured, the furthest first."""
     away = [(abs(float(usual.x[k])) / NUMBERS[k].doubt, k) for k in range(COUNT)]
     return tuple(
-        Explanation(number=k, error=float(usual.x[k]), sigma=math.nan, fit=usual)
+        Explanation(k, float(usual.x[k]), math.nan, usual)
         for size, k in sorted(away, reverse=True)
-        if size > _FAR
+        if size > SURE
     )
 
 
@@ -188,8 +170,9 @@ def _explanations(problem: Problem, usual: Fit) -> tuple[Explanation, ...]:
         promised.append((released * float(usual.x[number]) * error, number, error))
     promised.sort(reverse=True)
     found = []
-    for gain, number, error in promised[:_MOST_TRIED]:
-        if gain < max(_PROMISED * _LEAST_GAIN, _LEAST_SHARE * promised[0][0]):
+    for gain, number, error in promised:
+        # A step of outliers and bends promises half of what it leads to.
+        if gain < max(_LEAST_GAIN / DEPENDENT, _LEAST_SHARE * promised[0][0]):
             break
         prior, most = usual.prior.copy(), NUMBERS[number].most
         prior[number] = most**-2
@@ -198,7 +181,7 @@ def _explanations(problem: Problem, usual: Fit) -> tuple[Explanation, ...]:
         start = problem.centred(usual.x + along * (aim - usual.x[number]))
         fit = fitted(problem, prior, start)
         sigma = math.sqrt(float(fit.covariance[number, number]))
-        found.append(Explanation(number=number, error=float(fit.x[number]), sigma=sigma, fit=fit))
+        found.append(Explanation(number, float(fit.x[number]), sigma, fit))
     found.sort(key=lambda one: one.fit.cost)
     if not found or usual.cost - found[0].fit.cost < _LEAST_GAIN:
         return ()

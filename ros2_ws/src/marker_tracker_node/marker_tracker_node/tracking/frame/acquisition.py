@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.camera.pinhole import pixel_of_plane, plane_of_point
 from marker_tracker_node.detection.band import surface_point
 from marker_tracker_node.detection.colour_band import NEW_AREA, WHOLE_AREA
@@ -48,10 +48,8 @@ from marker_tracker_node.tracking.frame.laid_path import (
     mean_gap,
     search_reach,
 )
-from marker_tracker_node.tracking.state import CANDIDATES, Candidates, IndexArray, Marks, Setup
+from marker_tracker_node.tracking.state import CANDIDATES, Candidates, Marks, Setup
 from winding_core.compiling import called
-
-FloatArray = NDArray[np.float64]
 
 P0_REACH = 0.45
 # An encoder or clock that is wrong has P0 so far from its place [rad]: a camera that is 0.25 s late
@@ -65,11 +63,9 @@ SAME_PLACE = 0.035
 LANDING = 0.2
 PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
-MAX_NODES = 2048
 # A search looks at one pixel in this length [m].
 SEARCH_GRAIN = 0.24e-3
 PEAKS = 3
-LEAST_PEAK = 0.35
 
 
 class Scan(NamedTuple):
@@ -183,10 +179,10 @@ def _colour_in_gate(picture: Picture, gates: Gates, n: int) -> int:  # pragma: n
 def _is_first(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
     """Return whether a band at a height [m] is P0 come round, not seen where it was expected."""
     marks = scan.cable.marks
-    lap = round(theta / (2.0 * math.pi))
+    lap = round(theta / (math.tau))
     if lap == 0 or not marks.known[0] or scan.outcome[0] in (MEASURED, PARTLY):
         return False
-    away, beside = theta - 2.0 * math.pi * lap, z - marks.height[0]
+    away, beside = theta - math.tau * lap, z - marks.height[0]
     return bool(abs(away) < ASTRAY and abs(beside) < 0.5 * scan.setup.body.cable_radius)
 
 
@@ -291,8 +287,8 @@ def acquire_markers(scan: Scan, shift: float) -> float:  # pragma: no cover
     starts, ends = _wanted_ranges(scan)
     for i in range(starts.size):
         # The visible part of every turn between the two wound angles.
-        for lap in range(1 + math.floor((scan.turned + usable - starts[i]) / (2.0 * math.pi))):
-            facing = scan.turned - lap * 2.0 * math.pi
+        for lap in range(1 + math.floor((scan.turned + usable - starts[i]) / (math.tau))):
+            facing = scan.turned - lap * math.tau
             low, high = max(starts[i], facing - usable), min(ends[i], facing + usable)
             if high > low:
                 # Strips as wide as a search, side by side.
@@ -335,13 +331,14 @@ def _scan_turn(scan: Scan, first: float, last: float, beside: float) -> None:  #
     scale = axis_scale(setup.camera)
     stride = max(int(scale * SEARCH_GRAIN), 1)
     step = stride / (scale * body.rho)
-    nodes = min(int((last - first) / step) + 1, MAX_NODES)
+    nodes = int((last - first) / step) + 1
     counts = np.zeros(nodes)
     offsets = np.zeros(nodes)
     for k in range(nodes):
         counts[k], offsets[k] = _count_across(scan, first + k * step, beside, scale, stride)
     width = max(int(2.0 * body.half_band / (body.rho * step)), 1)
-    least = LEAST_PEAK * 4.0 * body.half_band * body.cable_radius * scale * scale
+    # Half of the smallest band.
+    least = NEW_AREA[0] * 2.0 * body.half_band * body.cable_radius * scale * scale
     least /= stride * stride
     for _ in range(PEAKS):
         place, most = _densest_window(counts, width)

@@ -6,9 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from marker_tracker_node.detection.band import Band
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
+from marker_tracker_node.detection.band import band_of
 from marker_tracker_node.detection.gate import (
     COVERED,
     OUT_OF_SIGHT,
@@ -35,10 +35,8 @@ from marker_tracker_node.tracking.frame.laid_path import (
     covered_by_span,
     unknown_beside,
 )
-from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Setup
+from marker_tracker_node.tracking.state import Marks, Setup
 from winding_core.compiling import called
-
-FloatArray = NDArray[np.float64]
 
 
 class Expected(NamedTuple):
@@ -52,23 +50,15 @@ class Expected(NamedTuple):
     near: FlagArray
     touching: FlagArray  # Whether its band touches another
     pixels: FloatArray  # That its band should fill
-    azimuth: FloatArray  # See `Band`, and so are the following
-    slope: FloatArray  # [m/rad]
-    low: FloatArray  # [rad]
-    high: FloatArray  # [rad]
-    below: FloatArray  # [m]
-    above: FloatArray  # [m]
+    bands: FloatArray  # Fields of `Band`, shape (markers, 7)
 
 
 @called
 def empty_expected(count: int) -> Expected:  # pragma: no cover
     """Return room for what is expected of a number of markers."""
-    outcome, flags, r = (
-        np.zeros(count, np.int64),
-        np.zeros((2, count), np.bool_),
-        np.zeros((7, count)),
-    )
-    return Expected(outcome, flags[0], flags[1], r[0], r[1], r[2], r[3], r[4], r[5], r[6])
+    flags = np.zeros((2, count), np.bool_)
+    bands = np.zeros((count, 7))
+    return Expected(np.zeros(count, np.int64), flags[0], flags[1], np.zeros(count), bands)
 
 
 @called
@@ -84,15 +74,8 @@ def expect_bands(
 ) -> None:  # pragma: no cover
     """Write where the known markers are expected, and the gates of those in sight.
 
-    Args:
-        picture: Frame and colours.
-        setup: Machine and camera.
-        shutter: Of the frame.
-        cable: As laid at the frame.
-        turned: Cylinder angle as the camera is expected to see it [rad].
-        lead: How much further P0 is expected [rad].
-        gates: Written.
-        expected: Written.
+    The cylinder has turned so far as the camera is expected to see it [rad]; P0 is expected further
+    by a lead [rad].
     """
     marks = cable.marks
     count = marks.known.size
@@ -111,8 +94,8 @@ def expect_bands(
             if bands_touch(gates, n, m):
                 expected.touching[n] = expected.touching[m] = True
             ahead = marks.height[m] >= marks.height[n]
-            _guard(setup, marks, n, not ahead, ahead, gates, expected)
-            _guard(setup, marks, m, ahead, not ahead, gates, expected)
+            _guard(setup, n, not ahead, ahead, gates, expected)
+            _guard(setup, m, ahead, not ahead, gates, expected)
             separate_gates(gates, n, m)
 
 
@@ -143,24 +126,13 @@ def expect_band(
         expected.outcome[n] = gate_visibility(gates, n, gate_margin(setup), picture)
         if covered_by_span(setup, cable, band, theta):
             expected.outcome[n] = COVERED
-    expected.azimuth[n], expected.slope[n] = azimuth, slope
-    expected.low[n], expected.high[n] = band.low, band.high
-    expected.below[n], expected.above[n] = band.below, band.above
+    expected.bands[n] = band
 
 
 @called
 def _away(azimuth: float) -> float:  # pragma: no cover
     """Return an azimuth [rad] without its whole turns."""
-    return azimuth - 2.0 * math.pi * round(azimuth / (2.0 * math.pi))
-
-
-@called
-def expected_band(marks: Marks, expected: Expected, n: int) -> Band:  # pragma: no cover
-    """Return the band of marker n as it is expected."""
-    return Band(
-        expected.azimuth[n], marks.height[n], expected.slope[n],
-        expected.low[n], expected.high[n], expected.below[n], expected.above[n],
-    )  # fmt: skip
+    return azimuth - math.tau * round(azimuth / (math.tau))
 
 
 @called
@@ -175,20 +147,15 @@ def _beside(setup: Setup, marks: Marks, n: int) -> bool:  # pragma: no cover
 
 @called
 def _guard(
-    setup: Setup,
-    marks: Marks,
-    n: int,
-    below: bool,
-    above: bool,
-    gates: Gates,
-    expected: Expected,
+    setup: Setup, n: int, below: bool, above: bool, gates: Gates, expected: Expected
 ) -> None:  # pragma: no cover
     """Cut the band n and its gate off before the turn below or above; see `guarded`."""
-    band = guarded(setup, expected_band(marks, expected, n), below, above)
-    if band.low == expected.low[n] and band.high == expected.high[n]:
+    before = band_of(expected.bands[n])
+    band = guarded(setup, before, below, above)
+    if band.low == before.low and band.high == before.high:
         return
     ahead, behind = gates.ahead[n], gates.behind[n]
     expected.pixels[n] = predict_gate(setup, band, gates, n)
     gates.ahead[n] = min(gates.ahead[n], ahead)
     gates.behind[n] = min(gates.behind[n], behind)
-    expected.low[n], expected.high[n] = band.low, band.high
+    expected.bands[n] = band

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
-from marker_tracker_node.detection.band import moved_band
+from marker_tracker_node.arrays import ByteArray, FloatArray, IndexArray
+from marker_tracker_node.detection.band import band_of, moved_band
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
@@ -31,7 +29,6 @@ from marker_tracker_node.tracking.frame.expected_bands import (
     empty_expected,
     expect_band,
     expect_bands,
-    expected_band,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
     Shutter,
@@ -41,11 +38,15 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     turned_since,
 )
 from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT, fit_offset, laid_cable
-from marker_tracker_node.tracking.frame.run_means import update_means, update_shift, write_results
+from marker_tracker_node.tracking.frame.run_means import (
+    REFERENCE_FRAMES,
+    update_means,
+    update_shift,
+    write_results,
+)
 from marker_tracker_node.tracking.machine_motion import advance_machine, phase_lock
 from marker_tracker_node.tracking.state import (
     FixedNumbers,
-    IndexArray,
     Marks,
     Output,
     Rows,
@@ -56,13 +57,8 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called, compiled
 
-FloatArray = NDArray[np.float64]
-ByteArray = NDArray[np.uint8]
-
-AREA_SHARE = 0.05
+# A gate finds a band that is so far away [rad].
 JUMP_THETA = 0.12
-# P0 is sought beside its place in steps of this [rad]: a gate finds a band that is 0.1 rad away.
-SEEK_STEP = 0.14
 REAIM = 0.4
 
 
@@ -141,8 +137,8 @@ def _update_frame(
             )
     if marks.known[0] and not math.isfinite(out.azimuth[k, 0]):
         first, step = turned - marks.recent[0] + place[0], 1
-        while abs(step) * SEEK_STEP <= place[1]:
-            azimuth = first + step * SEEK_STEP
+        while abs(step) * JUMP_THETA <= place[1]:
+            azimuth = first + step * JUMP_THETA
             expect_band(picture, setup, shutter, cable, 0, azimuth, gates, expected)
             if _seen_beside(picture, setup, shutter, marks, gates, expected, out, k):
                 break
@@ -208,7 +204,7 @@ def _measure(
     k: int,
 ) -> int:  # pragma: no cover
     """Measure the known marker n in frame k and return what came of it."""
-    band = expected_band(marks, expected, n)
+    band = band_of(expected.bands[n])
     pixels, place = expected.pixels[n], band
     area = marks.area[n]
     if several_colours(picture):
@@ -233,7 +229,7 @@ def _measure(
         gates.behind[n] = min(gates.behind[n], behind)
     if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > SAME_HEIGHT:
         return HIDDEN
-    marks.area[n] *= 1.0 + AREA_SHARE * (found.share - 1.0)
+    marks.area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES
     out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high

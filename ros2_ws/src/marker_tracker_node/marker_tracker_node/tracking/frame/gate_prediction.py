@@ -18,14 +18,13 @@ from marker_tracker_node.detection.band import (
     point_around,
     section_at,
 )
-from marker_tracker_node.detection.gate import (
-    Gates,
-    gate_place,
-)
+from marker_tracker_node.detection.gate import Gates, gate_place
 from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA
 from marker_tracker_node.tracking.state import Setup
 from winding_core.compiling import called, compiled
 
+# The visible half of a ring acts like a point this far out, in radii of the cable beyond its centre
+# line: 0.57 to 0.76, see `band`.
 RING_DEPTH = 0.65
 # Gates that overlap by less hold no pixels of each other's band [px].
 OVERLAP = 1.0

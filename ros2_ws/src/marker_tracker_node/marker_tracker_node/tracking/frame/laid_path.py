@@ -5,9 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.detection.band import Band
 from marker_tracker_node.tracking.state import (
     BY_READINGS,
@@ -21,12 +19,11 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called
 
-FloatArray = NDArray[np.float64]
-
+# Cable lies beside a band from so far before P0 on, and so far before the landing [rad].
 TAIL = 0.5
-# Before the contact line the free span stands off the cylinder: within these azimuths [rad] it
-# hangs before the turn beside it, nearer to the line it lies beside that.
-SPAN_FIRST, SPAN_LAST = -1.3, -0.3
+# Before the contact line the free span stands off the cylinder: farther than this [rad] it hangs
+# before the turn beside it, nearer to the line it lies beside that.
+SPAN_LAST = -0.3
 # A band shows this far beside the place where it may be, or where bands are in sight [rad].
 BAND_REACH = 0.4
 # The next marker is no nearer than this share of the mean gap.
@@ -138,7 +135,7 @@ def band_beside_turns(
     below, above = math.inf, math.inf
     lean = setup.body.rho / math.hypot(setup.body.rho, slope)
     diameter = 2.0 * setup.body.cable_radius
-    turn = 2.0 * math.pi
+    turn = math.tau
     if theta - turn > -TAIL:
         away = (z - corrected_height(cable, theta - turn)[0]) * lean
         below, above = _nearer(below, above, away)
@@ -166,11 +163,11 @@ def covered_by_span(
     setup: Setup, cable: LaidCable, band: Band, theta: float
 ) -> bool:  # pragma: no cover
     """Return whether the cable that is about to land hangs before a band at a wound angle [rad]."""
-    before = band.azimuth - 2.0 * math.pi
-    if not SPAN_FIRST < before < SPAN_LAST:
+    before = band.azimuth - math.tau
+    if not -setup.usable_azimuth <= before < SPAN_LAST:
         return False
     # The path goes on past the landing with the slope of the free span.
-    landing = theta + 2.0 * math.pi + before
+    landing = theta + math.tau + before
     way = landing + math.sin(-before)
     distance = abs(corrected_height(cable, way)[0] - band.z)
     return bool(distance < 2.0 * setup.body.cable_radius + LAY_SIGMA)
@@ -184,7 +181,7 @@ def unknown_beside(setup: Setup, cable: LaidCable, theta: float) -> bool:  # pra
     if last < 0 or last == marks.known.size - 1:
         return False
     least = marks.theta[last] + LEAST_GAP * mean_gap(setup, marks, last)
-    return bool(theta + 2.0 * math.pi + BAND_REACH > least)
+    return bool(theta + math.tau + BAND_REACH > least)
 
 
 @called

@@ -4,30 +4,24 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
 from marker_tracker_node.camera.pinhole import pixels_per_metre
 from marker_tracker_node.detection.band import Body
 from marker_tracker_node.detection.gate import CLIPPED, COVERED, HIDDEN, PARTLY
-from marker_tracker_node.tracking.state import FlagArray, IndexArray, Marks, Output, Run, Setup
+from marker_tracker_node.tracking.state import Marks, Output, Run, Setup
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
-FloatArray = NDArray[np.float64]
-
-FLAG_OCCLUDED = int(MarkerFlag.OCCLUDED)
-FLAG_CLIPPED = int(MarkerFlag.CLIPPED)
-FLAG_TOUCHING = int(MarkerFlag.TOUCHING)
-FLAG_SLIPPED = int(MarkerFlag.SLIPPED)
-FLAG_NOT_WOUND = int(MarkerFlag.NOT_WOUND)
-FLAG_PREDICTED = int(MarkerFlag.PREDICTED)
+OCCLUDED, CUT_OFF, TOUCHING, SLIPPED, NOT_WOUND, PREDICTED = (
+    int(MarkerFlag[name])
+    for name in ("OCCLUDED", "CLIPPED", "TOUCHING", "SLIPPED", "NOT_WOUND", "PREDICTED")
+)
 
 # Frames that a run mean remembers; without an end it could not follow a slip.
 MEMORY = 400.0
+# So many give its first value, and its scatter.
 REFERENCE_FRAMES = 20.0
 RECENT_SHARE = 0.1
-VARIANCE_SHARE = 0.05
 SHIFT_SHARE = 0.02
 # A wound angle that leans on the encoder carries the camera's tilt and counts less.
 ENCODER_TRUST = 0.2
@@ -42,23 +36,17 @@ CUT = 0.12
 BENT = 0.045
 # What a run leaves of that, whose share of a band depends on its azimuth.
 BENT_OVER_RUN = 0.5
-# What of the bias is left over a run, in which a band is seen under every azimuth, along the cable
-# and across it [px].
-MEAN_BIAS_ALONG, MEAN_BIAS_ACROSS = 0.06, 0.06
-# A band is an ellipse from the side; nearer to the limb than this its scale changes no more.
-LEAST_FACING = 0.3
+# What of the bias is left over a run, in which a band is seen under every azimuth [px].
+MEAN_BIAS = 0.06
 # A corrected value is gone over to by so much of its deviation in each frame.
 STEP = 0.5
 
 
 @called
 def update_shift(run: Run, azimuth: float, turned: float) -> None:  # pragma: no cover
-    """Take a frame in which P0 may have been seen into the shift.
+    """Take the azimuth of P0 as seen [rad], nan where it is not, into the shift of a run.
 
-    Args:
-        run: Shift and its weight written.
-        azimuth: Of P0 as seen [rad], nan where not.
-        turned: Cylinder angle as the camera is expected to see it [rad].
+    The cylinder's angle as the camera is expected to see it is `turned` [rad].
     """
     if run.cylinder.blind or not math.isfinite(azimuth):
         return
@@ -85,12 +73,8 @@ def update_means(
 ) -> None:  # pragma: no cover
     """Take the bands measured in frame k into the run means; write their wound angles.
 
-    Args:
-        marks: The markers.
-        outcome: What came of looking for each, shape (markers,).
-        out: Holds azimuth and z as seen; receives the wound angle of what was measured.
-        k: Number of the frame.
-        turned: Cylinder angle as the camera sees it [rad].
+    Outcomes say what came of looking for each marker, shape (markers,); the cylinder's angle as the
+    camera sees it is `turned` [rad].
     """
     with_p0 = math.isfinite(out.azimuth[k, 0])
     base = out.azimuth[k, 0] if with_p0 else turned
@@ -114,8 +98,8 @@ def update_means(
         part = mine / marks.weight[n]
         marks.theta[n] += part * d_theta
         marks.height[n] += part * d_height
-        marks.var_theta[n] += VARIANCE_SHARE * (own_theta * own_theta - marks.var_theta[n])
-        marks.var_height[n] += VARIANCE_SHARE * (own_height * own_height - marks.var_height[n])
+        marks.var_theta[n] += (own_theta * own_theta - marks.var_theta[n]) / REFERENCE_FRAMES
+        marks.var_height[n] += (own_height * own_height - marks.var_height[n]) / REFERENCE_FRAMES
         marks.recent[n] += RECENT_SHARE * (theta - marks.recent[n])
         if marks.weight[n] <= REFERENCE_FRAMES:
             marks.reference[n] = marks.theta[n]
@@ -133,14 +117,8 @@ def write_results(
 ) -> None:  # pragma: no cover
     """Write wound angle and height from P0, their deviations and the flags of frame k.
 
-    Args:
-        setup: Machine and camera.
-        marks: The markers.
-        outcome: What came of looking for each, shape (markers,).
-        touching: Whether its band touches another, shape (markers,).
-        turned: Cylinder angle as the camera sees it [rad].
-        out: Holds what was measured.
-        k: Number of the frame.
+    Outcomes and whether bands touch have shape (markers,); the cylinder's angle as the camera sees
+    it is `turned` [rad].
     """
     p0_seen = math.isfinite(out.seen_height[k, 0])
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
@@ -158,7 +136,7 @@ def write_results(
         if not marks.known[n] or (n > 0 and turned < marks.recent[n]):
             out.theta[k, n] = out.height[k, n] = math.nan
             out.sigma_theta[k, n] = out.sigma_height[k, n] = math.nan
-            out.marker_flags[k, n] = FLAG_NOT_WOUND
+            out.marker_flags[k, n] = NOT_WOUND
             continue
         flags = 0
         if math.isfinite(out.azimuth[k, n]):
@@ -175,25 +153,25 @@ def write_results(
             own_theta += marks.doubt_theta[n]
             own_height += marks.doubt_height[n]
         else:
-            flags |= FLAG_PREDICTED
+            flags |= PREDICTED
             out.theta[k, n] = marks.theta[n]
             out.height[k, n] = marks.height[n] - marks.height[0]
             own_theta, own_height = _mean_variances(setup, facing, marks, n)
             own_theta += mean_theta
             own_height += mean_height
             if outcome[n] == CLIPPED:
-                flags |= FLAG_CLIPPED
+                flags |= CUT_OFF
             if outcome[n] == HIDDEN or outcome[n] == COVERED:
-                flags |= FLAG_OCCLUDED
+                flags |= OCCLUDED
         if marks.left_theta[n] != 0.0 or marks.left_height[n] != 0.0:
             own_theta += _follow(out.theta, marks.left_theta, k, n, own_theta)
             own_height += _follow(out.height, marks.left_height, k, n, own_height)
         out.sigma_theta[k, n] = math.sqrt(own_theta)
         out.sigma_height[k, n] = math.sqrt(own_height + twisted)
         if touching[n]:
-            flags |= FLAG_TOUCHING
+            flags |= TOUCHING
         if abs(marks.recent[n] - marks.reference[n]) > setup.slip_limit:
-            flags |= FLAG_SLIPPED
+            flags |= SLIPPED
         out.marker_flags[k, n] = flags
 
 
@@ -201,14 +179,9 @@ def write_results(
 def _follow(
     out: FloatArray, left: FloatArray, k: int, n: int, variance: float
 ) -> float:  # pragma: no cover
-    """Let what is published go over to a corrected value; return the variance of what is left.
+    """Let what is published of marker n go over to a corrected value of a variance.
 
-    Args:
-        out: Published values, shape (frames, markers); written.
-        left: What they still have of those before, shape (markers,); written.
-        k: Number of the frame.
-        n: Number of the marker.
-        variance: Of the value.
+    Return the variance of what is left of the way; `out` and `left`, see `Marks`, are written.
     """
     left[n] -= math.copysign(min(abs(left[n]), STEP * math.sqrt(variance)), left[n])
     out[k, n] += left[n]
@@ -222,7 +195,8 @@ def _bias_variances(
     """Return what azimuth [rad^2] and z [m^2] of a band measured in frame k may have in common."""
     angle, height = pixel_size(setup, out.azimuth[k, n])
     cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
-    pixels = frame_variance(cut)
+    # What scatter does not show.
+    pixels = BIAS**2 + (CUT**2 if cut else 0.0)
     return angle * angle * pixels, height * height * pixels + bent_height(setup.body) ** 2
 
 
@@ -239,10 +213,10 @@ def _mean_variances(
     """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
     weight = max(marks.weight[n], 1.0)
     return (
-        (MEAN_BIAS_ALONG * facing[0]) ** 2
+        (MEAN_BIAS * facing[0]) ** 2
         + _scatter(marks.var_theta[n], facing[0]) / weight
         + marks.doubt_theta[n],
-        (MEAN_BIAS_ACROSS * facing[1]) ** 2
+        (MEAN_BIAS * facing[1]) ** 2
         + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
         + _scatter(marks.var_height[n], facing[1]) / weight
         + marks.doubt_height[n],
@@ -261,13 +235,7 @@ def pixel_size(setup: Setup, azimuth: float) -> tuple[float, float]:  # pragma: 
     rho = setup.body.rho
     facing = math.cos(azimuth)
     height = 1.0 / pixels_per_metre(setup.camera, abs(setup.camera.x) - rho * facing)
-    return height / (rho * max(facing, LEAST_FACING)), height
-
-
-@called
-def frame_variance(cut: bool) -> float:  # pragma: no cover
-    """Return the variance of a band's middle in one frame that its scatter does not show [px^2]."""
-    return BIAS**2 + (CUT**2 if cut else 0.0)
+    return height / (rho * facing), height
 
 
 @called

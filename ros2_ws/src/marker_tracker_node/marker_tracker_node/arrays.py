@@ -1,0 +1,11 @@
+"""Kinds of arrays, by what they hold."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+ByteArray = NDArray[np.uint8]
+IndexArray = NDArray[np.int64]
+FlagArray = NDArray[np.bool_]
