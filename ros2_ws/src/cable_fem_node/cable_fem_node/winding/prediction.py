@@ -16,7 +16,7 @@ from cable_fem_node.dynamics.state import (
     FloatArray,
     ImpossibleResultError,
 )
-from cable_fem_node.winding.turns import how_turns_lie
+from cable_fem_node.winding.turns import how_turns_lie, on_cable
 from cable_fem_node.winding.validity import (
     FULL_TURN,
     Check,
@@ -215,8 +215,13 @@ class PlannedRun:
             ImpossibleResultError: The cable did not lie down, or is tighter than the span.
         """
         refuse_open_balance(model.energy, model.time, self.checks())
-        arc, theta, _ = model.wound_path()
-        self.refuse_impossible(theta, model.cable()["tension"][1 : arc.size], model.time)
+        _, theta, _ = model.wound_path()
+        laid = model.cable()[: theta.size]
+        apart = self.config.resolved.constants.touch.apart
+        # Cable that is lifted by cable, or slides off it, lies on a longer way than it landed on.
+        lifted = on_cable(np.hypot(laid["x"], laid["y"]), apart).any()
+        tension = laid["tension"][1 : 1 if lifted else None]
+        self.refuse_impossible(theta, tension, model.time)
 
     def wind(
         self,

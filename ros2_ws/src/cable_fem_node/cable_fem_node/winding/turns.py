@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
 
@@ -14,6 +15,16 @@ APART, TOUCHING, ON_CABLE = "apart", "touching", "on cable"
 _CONTACT, _RAISED = 1.01, 0.1
 # Places in a turn at which it is compared with those before.
 _PLACES = 180
+
+
+def on_cable(radius: FloatArray, apart: float) -> NDArray[np.bool_]:
+    """Return which nodes of wound cable stand out from those that lie on the cylinder, shape (n,).
+
+    Args:
+        radius: Distances from the axis [m], shape (n,).
+        apart: Distance of touching centre lines [m].
+    """
+    return np.asarray(radius - radius.min() > _RAISED * apart)
 
 
 def how_turns_lie(
@@ -34,7 +45,7 @@ def how_turns_lie(
     at = math.tau * np.arange(turns * _PLACES).reshape(turns, _PLACES) / _PLACES
     across, out = np.interp(at, theta, z), np.interp(at, theta, radius)
     # Where the cable begins, and where a node has just landed, it is held by others than these.
-    raised = (out - float(radius.min()) > _RAISED * apart).sum(axis=1) > 1
+    raised = on_cable(out, apart).sum(axis=1) > 1
     found = []
     for turn in range(turns):
         way = np.hypot(across[:turn] - across[turn], out[:turn] - out[turn])
