@@ -89,6 +89,10 @@ def test_a_turn_wound_on_the_turn_before_lies_on_it():
     assert run.lies_per_turn()[1] == "on cable"
 
 
+def test_less_than_a_turn_has_no_turn_that_lies_somehow():
+    assert PlannedRun(config=WindingConfig(case=CASE), duration=1.0).wind().lies_per_turn() == ()
+
+
 @pytest.mark.parametrize(("pitch", "lies"), [(1.0, "touching"), (1.4, "apart")])
 def test_turns_touch_or_lie_apart_as_the_guide_leads_them(pitch, lies):
     config = WindingConfig(case=CASE, free_length=0.01)

@@ -24,7 +24,7 @@ def on_cable(radius: FloatArray, apart: float) -> NDArray[np.bool_]:
         radius: Distances from the axis [m], shape (n,).
         apart: Distance of touching centre lines [m].
     """
-    return np.asarray(radius - radius.min() > _RAISED * apart)
+    return np.asarray(radius - radius.min(initial=np.inf) > _RAISED * apart)
 
 
 def how_turns_lie(
