@@ -150,6 +150,11 @@ class RodWinding(WindingModel):
         """Number of nodes."""
         return self._nodes.total
 
+    def compile(self) -> None:
+        """See `WindingModel.compile`."""
+        super().compile()
+        self._wound.compile()
+
     @property
     def live_nodes(self) -> int:
         """Number of nodes that are integrated; the others rest on the cylinder."""
@@ -208,7 +213,7 @@ class RodWinding(WindingModel):
         return float(wound.mean()) if wound.size else float(stretch[0])
 
     def contact_forces(self) -> FloatArray:
-        """Return the normal force of the cylinder on every node [N], shape (nodes,)."""
+        """Return with which force cylinder, cable and flanges push every node [N], shape (nodes,)."""
         return normal_forces(self._whole().cable, self._constants.touch)
 
     @property

@@ -55,6 +55,14 @@ class WoundSurface:
         self._count = 0
         self._highest = 0.0  # Radius of the centre line of any cable so far [m]
 
+    def compile(self) -> None:
+        """Load or build the machine code of its kernels."""
+        path = np.array([[0.0, 0.1], [0.0, 0.0], [1.0, 1.0]])
+        trial = WoundSurface(self._apart)
+        trial.lay(path)
+        trial.below(path, np.zeros(2), np.ones(2, dtype=bool))
+        trial.lift(0.0)
+
     def lay(self, path: FloatArray) -> None:
         """Add cable.
 
