@@ -213,7 +213,7 @@ class RodWinding(WindingModel):
         return float(wound.mean()) if wound.size else float(stretch[0])
 
     def contact_forces(self) -> FloatArray:
-        """Return with which force cylinder, cable and flanges push every node [N], shape (nodes,)."""
+        """Return with which force cylinder, cable, flanges push every node [N], shape (nodes,)."""
         return normal_forces(self._whole().cable, self._constants.touch)
 
     @property
