@@ -220,6 +220,24 @@ def test_a_bent_span_is_two_lags_in_a_row(bend: float) -> None:
     assert now.z == pytest.approx(expected, abs=1.0e-6)
 
 
+def test_a_free_length_that_misread_heights_have_led_astray_begins_anew() -> None:
+    # As behind a guide that overshoots: for half a turn the heights are those of a longer span.
+    true, misread = (
+        FleetAngleLaw(advance_per_radian=RISE, free_length=length, radius=RHO)
+        for length in (BELIEVED, 0.35)
+    )
+    lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED, gate=1.0e-3))
+    for theta in np.arange(0.0, 16.0, 0.01).tolist():
+        lay.advance(theta, RISE * theta)
+        law = misread if theta < 5.0 else true
+        lay.measure(theta, float(law.z(theta)), 8.0e-5)
+    now = lay.estimate()
+    # Five deviations of a height, and of the length that it tells.
+    assert now.z == pytest.approx(float(true.z(now.theta)), abs=4.0e-4)
+    assert now.free_length == pytest.approx(BELIEVED, abs=5.0 * now.sigma_length)
+    assert now.sigma_length < 0.005
+
+
 @pytest.mark.parametrize("length", [0.16, 0.198, 0.23])
 def test_heights_tell_the_free_length(length: float) -> None:
     lay = filtered(length, delay=0.3, sigma=5.0e-5, until=12.0)

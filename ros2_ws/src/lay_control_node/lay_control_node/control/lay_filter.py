@@ -21,7 +21,7 @@ _CHANGE = 1.0e-4
 # How far the cable may land from the guide where nothing is known [m].
 _UNKNOWN = 0.03
 # A height further off than so many deviations, and than the gate, is an outlier. Outliers that
-# persist over such an angle [rad] are accepted: then the estimate is wrong.
+# persist over such an angle [rad] are accepted: then the estimate is wrong, and begins anew.
 _OUTLYING, _PERSISTENT = 6.0, math.pi
 Z, HEADED, LENGTH, OFFSET = range(4)
 
@@ -224,6 +224,10 @@ class LayFilter:
         self._refused_from = None
         for index in (Z, HEADED):
             self._seen.covariance[index, index] += _UNKNOWN**2
+        # What led the estimate astray is in the free length as well, and would do so again.
+        self._seen.mean[LENGTH] = self.config.free_length
+        self._seen.covariance[LENGTH] = self._seen.covariance[:, LENGTH] = 0.0
+        self._seen.covariance[LENGTH, LENGTH] = self.config.sigma_length**2
         return False
 
     @property
