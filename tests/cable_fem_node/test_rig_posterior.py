@@ -232,7 +232,8 @@ def small(law: str, friction: float) -> WindingConfig:
 
 # Bent by 0.005 to 0.07 of the tension, thinned, on 16 to 60 mm, building up, slippery and not.
 WOUND = {
-    "bent": case_of(6),
+    # Behind the paper's span its first turn would touch the end of the cable.
+    "bent": case_of(6, free_length=0.1),
     "wide": case_of(12, friction=0.5),
     "soft": case_of(2),
     "thinned": small("neo_hookean", 0.06),

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray, Points, empty_points
 from cable_fem_node.rod.relaxation import branches_energy
@@ -25,6 +26,7 @@ from cable_fem_node.winding.resting_cable import Fading, RestingCable, turned
 from cable_fem_node.winding.winding_kernels import points_of
 from cable_fem_node.winding.winding_model import geodesic_twist
 from cable_fem_node.winding.wound_surface import CableBelow
+from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,6 +171,11 @@ class RodNodes:
         """Return the stretch of the integrated elements, shape (live - 1,)."""
         edges = np.diff(self.position, axis=1)
         return np.asarray(np.sqrt((edges**2).sum(axis=0)) / self.reference[: self.live - 1])
+
+    def beyond_tables(self) -> NDArray[np.bool_]:
+        """Return which integrated elements the law's tables do not reach, the span's last never."""
+        stretch = self.live_stretch()[:-1]
+        return ~((stretch > TABLE_LOW) & (stretch < TABLE_HIGH))
 
     def laid(self) -> int:
         """Return how many integrated nodes are laid on the cylinder; the first always is."""

@@ -261,10 +261,12 @@ class RodWinding(WindingModel):
             nodes.live, self._surface_rate = end.nodes, end.surface_rate
             done += end.steps
             self.element_steps += end.steps * (nodes.live - 1)
-            if end.status == DIVERGED:
+            broken = np.flatnonzero(nodes.beyond_tables()) if end.status != RUNNING else ()
+            if end.status == DIVERGED or len(broken):
                 raise DivergenceError(
                     f"the winding diverged before t = {t:.6g} s at element "
-                    f"{nodes.resting.count - 1 + end.element} of {self.nodes - 1}: "
+                    f"{nodes.resting.count - 1 + max((end.element, *broken[:1]))} of "
+                    f"{self.nodes - 1}: "
                     f"its stretch left {TABLE_LOW:g} to {TABLE_HIGH:g} "
                     f"(step {dt:.3g} s, tension {drive[TENSION, 1]:.4g} N)"
                 )

@@ -94,9 +94,9 @@ class DrumParameters(DrumShape):
         """
         values: dict[str, Any] = typed_values(cls, typed, spelling)
         found = cls(**values)
-        width, flange = spelling("drum_width_mm"), spelling("flange_mm")
         if not typed:
             return found
+        width, flange = spelling("drum_width_mm"), spelling("flange_mm")
         for value, name in ((found.drum_width, width), (found.flange, flange)):
             if not value:
                 raise ParameterError(f"a drum needs {width} and {flange}, {name} is missing")
