@@ -1,7 +1,7 @@
 """The machine: motor, encoder, PID, speeds, phases, judgement of its sensors, flow control."""
 
 import math
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
@@ -23,7 +23,13 @@ from winding_rig_node.machine.axis import (
 )
 from winding_rig_node.machine.faults import Faults, parse_faults
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import SENSORS, Phase, PhaseError
+from winding_rig_node.machine.machine_config import (
+    SENSORS,
+    MachineConfig,
+    Phase,
+    PhaseError,
+    cylinder_axis,
+)
 from winding_rig_node.machine.pace import Pace
 
 FULL_SPEED = DriveProfile().angular_speed
@@ -89,6 +95,40 @@ def test_positions_follow_the_drive_profile(rows: np.ndarray) -> None:
 def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows: np.ndarray) -> None:
     assert len(rows) == 20_000
     np.testing.assert_allclose(np.diff(rows[:, 0]), 1.0e-3, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("weight", "cylinder", "feed"),
+    # Copper wire behind a slow guide, a power cable, the rope of a crane, a guide that creeps.
+    [(15.0, 0.02, 0.24e-3), (40.0, 0.3, 3.2e-3), (5000.0, 0.16, 2.5e-3), (0.5, 0.02, -0.02e-3)],
+)
+def test_slow_guides_and_heavy_cable_are_wound_without_a_false_stop(
+    weight: float, cylinder: float, feed: float
+) -> None:
+    case = replace(paper_case(4), cylinder_diameter=cylinder, weight=weight)
+    drive = DriveProfile(angular_speed=1.0, feed_speed=feed)
+    axis = cylinder_axis(case)
+    config = MachineConfig(case=case, drive=drive, duration=6.0, cylinder=axis)
+    rig = Machine(config, np.random.default_rng(3))
+    rows = wind(rig)
+    assert rig.state.phase is Phase.FINISHED, rig.state.reason
+    angle, guide = drive.positions(rows[:, 0])
+    # As with the paper's rig: speed errors of 0.1 % rms, integrated to nothing.
+    assert np.abs(rows[:, 1] - angle).max() < 0.01
+    assert np.abs(rows[:, 3] - guide).max() < 0.1e-3
+
+
+def test_an_encoder_that_sticks_behind_a_slow_guide_stops_the_machine() -> None:
+    drive = DriveProfile(feed_speed=0.24e-3)
+    config = MachineConfig(case=paper_case(4), drive=drive, duration=10.0)
+    rig = Machine(config, np.random.default_rng(3))
+    rig.start()
+    while rig.time < 3.0:
+        rig.step()
+    rig.faults = Faults(parse_faults("carriage_encoder:stuck", SENSORS))
+    run(rig)
+    assert rig.state.phase is Phase.PROTECTIVE
+    assert "carriage encoder" in rig.state.reason
 
 
 def test_load_cell_shows_the_weight() -> None:

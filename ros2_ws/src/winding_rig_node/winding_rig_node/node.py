@@ -17,7 +17,7 @@ from winding_rig_node.lay.lay_law import MotionLay, motion_lay
 from winding_rig_node.lay.truth import truth_path, truth_record, write_truth
 from winding_rig_node.machine.faults import Faults
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import MachineConfig, PhaseError
+from winding_rig_node.machine.machine_config import MachineConfig, PhaseError, cylinder_axis
 from winding_rig_node.machine.pace import Pace
 from winding_rig_node.ros.camera import Camera, FrameListener
 from winding_rig_node.ros.inputs import enabled_faults, follow_fault_parameters, take_commands
@@ -82,6 +82,7 @@ class RigNode(ManagedNode[RigParameters]):
                     case=case,
                     drive=drive,
                     duration=wanted.duration,
+                    cylinder=cylinder_axis(case),
                     commands=wanted.command_limits(),
                 ),
                 rng,

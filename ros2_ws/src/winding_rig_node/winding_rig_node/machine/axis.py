@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -145,6 +145,26 @@ class MotorConfig:
     def friction_voltage(self) -> float:
         """Voltage that overcomes the dry friction [V]."""
         return self.coulomb * self.resistance / self.torque_constant
+
+    @property
+    def cogging_speed(self) -> float:
+        """Speed [rad/s or m/s] of the voltage that overcomes the cogging."""
+        return self.speed_per_volt * self.ripple * self.resistance / self.torque_constant
+
+    def times(self, factor: float) -> MotorConfig:
+        """Return a motor that does the same under a load larger by a factor.
+
+        Time constant and speed per volt, and with them the gains of its controller, stay.
+        """
+        return replace(
+            self,
+            resistance=self.resistance / factor,
+            inertia=factor * self.inertia,
+            viscous=factor * self.viscous,
+            coulomb=factor * self.coulomb,
+            brake=factor * self.brake,
+            ripple=factor * self.ripple,
+        )
 
 
 CYLINDER_MOTOR = MotorConfig(

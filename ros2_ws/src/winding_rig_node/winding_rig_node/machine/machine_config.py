@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from winding_core.cable.cases import Case
@@ -40,6 +40,18 @@ CARRIAGE_AXIS = AxisConfig(
 )
 
 
+# Load up to which the paper's motor holds its speed as in the paper's cases, which take half of it
+# at most [N m].
+_RATED = 0.25
+
+
+def cylinder_axis(case: Case) -> AxisConfig:
+    """Return the rotating axis of a rig for a cable: the paper's, or one as much stronger."""
+    load = case.weight * case.centreline_radius
+    motor = CYLINDER_AXIS.motor.times(max(load / _RATED, 1.0))
+    return replace(CYLINDER_AXIS, motor=motor)
+
+
 @dataclass(frozen=True, kw_only=True)
 class MachineConfig:
     """The machine and its load.
@@ -54,7 +66,7 @@ class MachineConfig:
     case: Case  # What is wound
     drive: DriveProfile  # Target speeds
     duration: float  # Of the drive programme, after which a run is finished [s]
-    cylinder: AxisConfig = CYLINDER_AXIS  # Rotating axis
+    cylinder: AxisConfig = CYLINDER_AXIS  # Rotating axis, see `cylinder_axis`
     carriage: AxisConfig = CARRIAGE_AXIS  # Traversing axis
     force_noise: float = 0.01  # One standard deviation of the load cell [N]
     force_resolution: float = 0.001  # Step of its converter [N]
@@ -81,11 +93,13 @@ def sensor_limits(
                 name="cylinder",
                 full_speed=cylinder,
                 resolution=config.cylinder.encoder.resolution,
+                cogging=config.cylinder.motor.cogging_speed,
             ),
             AxisLimits(
                 name="carriage",
                 full_speed=carriage,
                 resolution=config.carriage.encoder.resolution,
+                cogging=config.carriage.motor.cogging_speed,
             ),
         ),
         weight=config.case.weight,

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from winding_core.units import MILLISECOND
 
+# Share of full speed from which an axis must count, and how many counts it may be behind.
+_TURNING, _COUNTS = 0.1, 2.0
+
 
 @dataclass(frozen=True, kw_only=True)
 class AxisLimits:
@@ -16,6 +19,7 @@ class AxisLimits:
     name: str  # As a sentence names it
     full_speed: float  # Speed of the run [rad/s or m/s]
     resolution: float  # Way per count of the encoder [rad or m]
+    cogging: float = 0.0  # Speed that the motor's cogging is worth [rad/s or m/s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,6 +64,7 @@ class Plausibility:
         self.refused: Counter[str] = Counter()
         self._accepted: dict[str, tuple[float, float]] = {}
         self._moved: dict[str, float] = {}
+        self._left: dict[str, float] = {}  # Where it was then
         self._since: dict[str, float] = {}
         self._heard: dict[str, float] = {}
         self._force = math.nan
@@ -90,8 +95,8 @@ class Plausibility:
         if not math.isfinite(value) or abs(value - last) > reach + 10.0 * limits.resolution:
             self.refused[f"{limits.name} encoder"] += 1
             return None
-        if abs(value - last) >= 0.5 * limits.resolution:
-            self._moved[limits.name] = t
+        if abs(value - self._left.setdefault(limits.name, value)) >= 0.5 * limits.resolution:
+            self._moved[limits.name], self._left[limits.name] = t, value
         self._accepted[limits.name] = (t, value)
         self._heard[limits.name] = t
         return value
@@ -134,11 +139,14 @@ class Plausibility:
 
     def _axis_verdict(self, t: float, limits: AxisLimits, seen: AxisObservation) -> str | None:
         full, name = limits.full_speed, limits.name
-        turning = abs(seen.commanded) > 0.1 * full
+        turning = abs(seen.commanded) > _TURNING * full
         if not turning:
             self._moved[name] = t
         small = 0.05 * full
         against = seen.commanded * seen.measured < 0.0
+        # A slow axis is held up and let go by its motor's cogging, by twice that before it is even.
+        uneven = 2.0 * limits.cogging
+        apart = max(self.config.disagreement * full, uneven)
         checks = (
             (
                 "counts against the commanded direction",
@@ -146,22 +154,24 @@ class Plausibility:
             ),
             (
                 "counts faster than the axis can run",
-                abs(seen.measured) > self.config.overspeed * full,
+                abs(seen.measured) > max(self.config.overspeed * full, full + uneven),
             ),
             (
                 "does not follow the setpoint",
-                abs(seen.measured - seen.commanded) > self.config.disagreement * full,
+                abs(seen.measured - seen.commanded) > apart,
             ),
             (
                 "does not agree with the motor's voltage",
-                abs(seen.measured - seen.modelled) > self.config.disagreement * full,
+                abs(seen.measured - seen.modelled) > apart,
             ),
         )
         for text, violated in checks:
             self._note(f"{name} {text}", t, violated=violated)
         if t - self._heard.get(name, t) > self.config.patience:
             return "gives no valid reading"
-        if t - self._moved.get(name, t) > self.config.patience:
+        # At the slowest speed that is judged so many counts take longer where the axis is slow.
+        counts = _COUNTS * limits.resolution / (_TURNING * full)
+        if t - self._moved.get(name, t) > self.config.patience + counts:
             return "is stuck"
         for text, _ in checks:
             if self._lasts(f"{name} {text}", t):

@@ -33,7 +33,7 @@ from winding_rig_node.lay.lay_law import LayTruth
 from winding_rig_node.lay.lay_on import HiddenRig
 from winding_rig_node.machine.commander import CommandLimits
 from winding_rig_node.machine.machine import Machine
-from winding_rig_node.machine.machine_config import MachineConfig
+from winding_rig_node.machine.machine_config import MachineConfig, cylinder_axis
 
 Array = NDArray[np.float64]
 
@@ -297,7 +297,14 @@ def wind(run: ClosedRun) -> ClosedResult:
     drive = what.drive
     duration = 2.0 * drive.time_at_angle(run.end)
     machine = Machine(
-        MachineConfig(case=case, drive=drive, duration=duration, commands=limits), rng
+        MachineConfig(
+            case=case,
+            drive=drive,
+            duration=duration,
+            cylinder=cylinder_axis(case),
+            commands=limits,
+        ),
+        rng,
     )
     controller = run.control.controller(
         what, run.wanted, markers=run.markers, mode=run.mode, wound=run.drum
