@@ -9,12 +9,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from cable_fem_node.winding.prediction import PlannedRun
-from cable_fem_node.winding.validity import landing_share, motion_share, wave_share
+from cable_fem_node.winding.validity import (
+    FULL_TURN,
+    OVERLAP,
+    landing_share,
+    motion_share,
+    wave_share,
+)
 
 # Steps of a first call, which loads machine code and fills tables and is not timed; the next ones
 # are longer each, until one has taken so much processor time [s] that what a call costs beside its
 # steps does not count.
 _TRIAL_STEPS, _LONGER, _TRIAL_S = 50, 2, 0.03
+# Where cable lies on cable a step is half as long, and there is a look [s] for each such way in
+# distances of touching centre lines.
+_ON_CABLE, _LOOK_S, _LOOK_WAY = 1.5, 1.0e-4, 0.1
 # Nodes of the rod that lie on the cylinder and are integrated although they do not move.
 _AWAKE_NODES = 32
 # Cable comes to rest this long after it has landed [s].
@@ -84,6 +93,11 @@ def expected_cost(
         elements = _rod_elements(run)
     calls = _CALL_S * rate * run.duration
     stepping = taken / counted * steps * (elements + _STEP)
+    way = _way_on_cable(run)
+    if way > 0.0:
+        looks = way / (_LOOK_WAY * run.config.resolved.constants.touch.apart)
+        stepping *= 1.0 + _ON_CABLE * way / (run.config.resolved.wound_radius * run.most_wound)
+        calls += _LOOK_S * looks
     scaling = _largest_scaling(run)
     return ExpectedCost(
         cpu_seconds=stepping + calls,
@@ -132,6 +146,15 @@ def falling_behind(run: PlannedRun, cpu_clock: Callable[[], float], *, pace: flo
             return sentence
         sentence += "; still too much: "
     return f"{sentence}wind slower, or take longer elements (segment_length)"
+
+
+def _way_on_cable(run: PlannedRun) -> float:
+    """Return over which way [m] cable lands beside or on cable, as far as that is said before."""
+    over = run.config.drum is not None or (
+        run.checks()[-1].name == OVERLAP and run.checks()[-1].warned
+    )
+    beyond = run.most_wound - FULL_TURN
+    return run.config.resolved.wound_radius * beyond if over and beyond > 0.0 else 0.0
 
 
 def _rod_elements(run: PlannedRun) -> float:

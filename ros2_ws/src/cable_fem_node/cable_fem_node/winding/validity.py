@@ -37,6 +37,7 @@ _STIFF, _STIFF_STRAIN = 1.0e9, 0.02
 # Bent by a plastic moment the neutral line lies F / (4 r sigma_y) from the middle, r the radius.
 _QUARTER = 0.25 * math.pi
 FULL_TURN = 2.0 * math.pi
+OVERLAP = "the cable's width over the least distance of two turns"
 # Parts of a turn at which the lay of a guide that turns back is followed.
 _PARTS = 180
 # Of a plan that ends where it began [rad].
@@ -307,7 +308,7 @@ def overlap_check(
             f"{place / MILLIMETRE:.4g} mm, {least / MILLIMETRE:.3g} mm from a turn laid before"
         )
     return Check(
-        name="the cable's width over the least distance of two turns",
+        name=OVERLAP,
         value=width / max(least, 1.0e-300),
         warned_from=1.0,
         refused_from=math.nextafter(1.0, 2.0) if solid and always else math.inf,
