@@ -70,7 +70,7 @@ def finished(store: Path) -> dict[Path, tuple[int, int]]:
 def test_every_option_of_predict_can_be_swept_and_no_other() -> None:
     # What is made of a run, and whether it is repeated, is not what is wound.
     aside = {"json_file", "csv_file", "vtk_file", "output", "force", "pictures", "check"}
-    aside |= {"richardson"}
+    aside |= {"richardson", "cell"}
     options = set(inspect.signature(predict).parameters)
     assert aside <= options
     kinds = option_kinds(RunParameters)
@@ -179,7 +179,10 @@ def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None
         ("parameters: {case: 4, element: shell}", "run 1 of 1: element must be one of rod, solid"),
         ("parameters: {case: 4, duration_s: 0}", "run 1 of 1: duration_s must be positive"),
         ("parameters: {case: 4, mass_scaling: 0}", "mass_scaling must be positive"),
-        ("parameters: {case: 4, duration_s: 8, feed_mm_s: [5, 0.1]}", "(feed_mm_s 0.1): the guide"),
+        (
+            "parameters: {case: 4, element: solid, duration_s: 8, feed_mm_s: [5, 0.1]}",
+            "(feed_mm_s 0.1): the cable's width over the least distance of two turns",
+        ),
         ("parameters: {friction: 0.1}", "run 1 of 1: say what to wind: case 1 to 12"),
         ("parameters: {case: 4, tension_n: 1, tension_mpa: 1}", "give the tension once"),
         ("parameters: [case]", "must hold a mapping named parameters"),
