@@ -40,6 +40,7 @@ SECTIONS: Mapping[str, type] = MappingProxyType(
         "correction": declared.RunCorrection,
         "recording": declared.RunRecording,
         "limits": declared.OperatorLimits,
+        "run": declared.RunLabels,
         "page": declared.RunPage,
         "graph": declared.RunGraph,
     }
@@ -74,7 +75,7 @@ _OF_CAMERA = (
 GOAL_OPTIONS = tuple(
     key
     for key, section in SECTION_OF.items()
-    if section not in ("page", "graph", "recording")
+    if section not in ("run", "page", "graph", "recording")
     and key not in ("program", "truth", "compose", "weights")
 )
 
@@ -135,6 +136,7 @@ class RunSpec:
     correction: declared.RunCorrection  # Of the predicted lengths
     recording: declared.RunRecording  # What is left, and where
     limits: declared.OperatorLimits  # What is called good
+    run: declared.RunLabels  # Which cable, where, by whom
     page: declared.RunPage  # Of an operator
     graph: declared.RunGraph  # Of the nodes
     given: Mapping[str, object] = field(compare=False)  # Option -> value in the option's unit
@@ -226,6 +228,11 @@ class RunSpec:
         if not self.drum.filled:
             return None
         return self.drum.wind(self.condition.resolved().case, self.lay.pitch or None)
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Cable, machine, batch, operator and remark, as far as they are known."""
+        return self.run.named(Path(self.run.cable).stem, self.machine.machine)
 
     @property
     def simulated_lay(self) -> str:
