@@ -42,6 +42,9 @@ SUMMARIES = {
     "bag": "Look into recordings, check, recover, play, replay and export them.",
 }
 
+# Of the module, where that is one of its own.
+_FOLDERS = {"board": "camera.", "calibrate": "camera."}
+
 
 def _installed() -> dict[str, EntryPoint]:
     """Return the commands that other packages bring, by name."""
@@ -53,7 +56,8 @@ class _LazyCommands(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         if name in SUMMARIES:
-            command = getattr(importlib.import_module(f"winding_cli.commands.{name}"), name)
+            module = f"winding_cli.commands.{_FOLDERS.get(name, '')}{name}"
+            command = getattr(importlib.import_module(module), name)
         else:
             command = _installed()[name].load()
         if not isinstance(command, typer.Typer):

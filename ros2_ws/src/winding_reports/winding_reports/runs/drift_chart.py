@@ -32,6 +32,7 @@ FIRST = 4
 # Beyond these a normal deviate says no more.
 _LARGEST = 8.0
 _SIGMAS = 3.0
+_SLOPE_VALUES = 10
 # Less than this share of the level is round-off and no scatter.
 _ROUND_OFF = 1.0e-6
 
@@ -46,7 +47,7 @@ class Drift:
     up: bool  # Whether values grow
     level: float  # Mean before the change
     now: float  # Mean since the change
-    pace: float  # Change per value, by least squares since the change
+    pace: float  # Change per value, by least squares over it, ten values at least
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,8 +135,8 @@ def _deviate(off: float, sigma: float, count: int) -> float:
 
 
 def _drift(x: Sequence[float], begin: int, since: int, at: int, up: bool) -> Drift:
-    # With one value of it a line has no slope.
-    first = max(begin, min(since, at - 1))
+    # Fewer values have a slope of scatter alone.
+    first = max(begin, min(since, at + 1 - _SLOPE_VALUES))
     pace = float(np.polyfit(np.arange(at + 1 - first), x[first : at + 1], 1)[0])
     return Drift(
         begin=begin,

@@ -44,12 +44,12 @@ class RunIndexError(ValueError):
 class Selection:
     """Which runs of an index; empty for all."""
 
-    cable: str = ""
-    machine: str = ""
-    batch: str = ""
-    operator: str = ""
+    cable: str = ""  # Of the run's labels
+    machine: str = ""  # Likewise
+    batch: str = ""  # Likewise
+    operator: str = ""  # Likewise
     remark: str = ""  # Part of it
-    verdict: str = ""
+    verdict: str = ""  # One of VERDICTS
     since: str = ""  # First date, ISO 8601 or the beginning of it
     until: str = ""  # Last date, likewise
 

@@ -59,7 +59,7 @@ class Trend:
 
     quantity: Quantity
     rows: tuple[RunRow, ...]  # In the order of their dates
-    chart: DriftChart
+    chart: DriftChart  # Of its values
 
     @property
     def name(self) -> str:
