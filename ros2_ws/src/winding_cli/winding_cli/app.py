@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 SUMMARIES = {
     "run": "Wind one case: predict, measure, correct; end with a table and a report.",
     "cell": "Write, check and describe cell files, which `winding run` takes.",
+    "cable": "List, show and compare the cables of the library, and add your own.",
     "serve": "Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C.",
     "predict": (
         "Predict where every marker ends up, how much cable is used, and how far to trust it."

@@ -11,7 +11,8 @@ from types import MappingProxyType
 from typing import Any, NoReturn, Self
 
 from winding_core import run_options as declared
-from winding_core.cable.condition import Condition, published_case
+from winding_core.cable.condition import ALTERNATIVES, Condition, published_case
+from winding_core.cable.library import PROPERTIES, with_cable
 from winding_core.cell_file import CellFile, Place, cell_text, read_cell
 from winding_core.lay.drum_parameters import DrumParameters
 from winding_core.lay.layers import WoundDrum
@@ -56,8 +57,7 @@ USUAL = (
 )
 # Of these the one that is given over a file replaces the file's.
 _ALTERNATIVES = (
-    ("tension_n", "tension_mpa"),
-    ("free_length_mm", "guide_distance_mm"),
+    *ALTERNATIVES,
     ("turns", "wound_length_mm"),
     ("program", "pitch_mm"),
 )
@@ -162,9 +162,14 @@ class RunSpec:
         replaced = {
             key for group in _ALTERNATIVES if typed.keys() & {*group} for key in group
         } - typed.keys()
+        if typed.get("cable"):
+            replaced |= {*PROPERTIES} - typed.keys()
         given = {**(cell.values if cell else {}), **typed}
         given = {key: value for key, value in given.items() if key not in replaced}
         source = Source(typed=frozenset(typed), spelling=spelling, cell=cell)
+        with source.at("cable"):
+            library = given.get("library")
+            given = with_cable(given, Path(str(library)) if library else None)
         for key, value in given.items():
             written = str if source.place(key) is not None else spelling
             with source.at(key):

@@ -95,12 +95,11 @@ def run_row(path: str, content: object) -> RunRow:
         if _at(turn, "judged") is True and (error := _number(turn, "error_largest_m")) is not None
     ]
     kept = _at(lay, "kept")
-    own = _judged(content)
     return RunRow(
         path=path,
         run_id=_text(content, "identity", "run_id"),
         date=_text(content, "identity", "date"),
-        **own,
+        **_judged(content),
         **labels | {"cable": labels["cable"] or _cable_name(case, condition)},
         case=case,
         series=_digest(condition),
