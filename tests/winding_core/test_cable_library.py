@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from winding_core.cable.library import (
+from winding_core.library.cables import (
     PROPERTIES,
     CableError,
     cables,
@@ -89,7 +89,7 @@ def test_own_cables_lie_in_the_users_data(monkeypatch: pytest.MonkeyPatch, tmp_p
         ("young_mpa: 4.5", "young_mpa: -4.5", "line 2, column 48: young_mpa must be positive"),
         ("young_mpa: 4.5, ", "", "uncertainty of young_mpa needs a number"),
         ("poisson: 0.49", "posson: 0.49", "section properties has no parameter posson; did you"),
-        ("properties:", "propertys:", "a cable file has no parameter propertys; did you"),
+        ("properties:", "props:", "a cable file has no parameter props; did you"),
         ("young_mpa: 0.2", "young_mpa: 0", "must be a positive number, got 0 of young_mpa"),
         ("young_mpa: 0.2", "density: 2", "uncertainty of density needs a number density"),
         ("tension_n: 25", "tension_n: .nan", "line 4, column 49: tension_n must be finite"),

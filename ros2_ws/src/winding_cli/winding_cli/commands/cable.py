@@ -20,7 +20,7 @@ from winding_cli.terminal.output_path import (
 from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
-from winding_core.cable.library import (
+from winding_core.library.cables import (
     PROPERTIES,
     Cable,
     CableError,
@@ -43,7 +43,7 @@ Name = Annotated[str, typer.Argument(help="Cable of the library, or a cable file
 _DECLARED = options(Condition)
 _PROPERTY = {
     key: Annotated[
-        option_kind(_DECLARED[key]) | None,  # type: ignore[valid-type]
+        option_kind(_DECLARED[key]) | None,
         typer.Option(spelled(key), help=explained(_DECLARED[key])),
     ]
     for key in PROPERTIES
@@ -117,7 +117,8 @@ def compare(
     ]
     columns = (
         Shown("property", lambda row: row[0]),
-        *(Shown(item.name, lambda row, at=at: str(row[at])) for at, item in enumerate(pair, 1)),
+        Shown(pair[0].name, lambda row: str(row[1])),
+        Shown(pair[1].name, lambda row: str(row[2])),
         Shown("standard deviations apart", lambda row: row[3], ".1f"),
     )
     result_console().print(record_table(columns, rows, words=1))
@@ -227,7 +228,7 @@ _KEYS = {"laws": ("young", "young_standard_error"), "": ("young_pa", "standard_e
 
 def _deviations(key: str, first: Cable, second: Cable) -> float | None:
     """Return how many standard deviations two values are apart; None where that is not known."""
-    values = [item.properties.get(key) for item in (first, second)]
+    values: list[Any] = [item.properties.get(key) for item in (first, second)]
     sigmas = [item.uncertainty.get(key, 0.0) for item in (first, second)]
     together = (sigmas[0] ** 2 + sigmas[1] ** 2) ** 0.5
     if together == 0.0 or not all(isinstance(value, int | float) for value in values):

@@ -75,7 +75,7 @@ def run_row(path: str, content: object) -> RunRow:
     if verdict not in list(Verdict):
         return RunRow(path=path, reason="run.json states no outcome of a run")
     condition = _at(content, "identity", "condition")
-    labels = {
+    labels: dict[str, Any] = {
         name: _text(content, "identity", "labels", name)
         for name in ("cable", "machine", "batch", "operator", "remark")
     }

@@ -198,14 +198,15 @@ def _cable(path: Path, stated: CellFile, *, shipped: bool) -> Cable:
             _check_uncertainty(key, value, parts["properties"])
         except ParameterError as error:
             stated.place("uncertainty", key).refuse(error)
-    head = parts.pop("cable")
+    head: dict[str, Any] = parts.pop("cable")
+    rest: dict[str, Any] = parts
     try:
         return check_cable(
             Cable(
                 name=path.stem,
                 title=head.pop("title", path.stem),
                 **head,
-                **parts,
+                **rest,
                 path=None if shipped else path,
             )
         )
