@@ -167,9 +167,12 @@ class RunSpec:
         given = {**(cell.values if cell else {}), **typed}
         given = {key: value for key, value in given.items() if key not in replaced}
         source = Source(typed=frozenset(typed), spelling=spelling, cell=cell)
+        library = Path(str(given["library"])) if given.get("library") else None
+        if library is not None and not library.is_dir():
+            sentence = f"{source.name('library')}: there is no folder of cables {library}"
+            source.refuse("library", sentence)
         with source.at("cable"):
-            library = given.get("library")
-            given = with_cable(given, Path(str(library)) if library else None)
+            given = with_cable(given, library)
         for key, value in given.items():
             written = str if source.place(key) is not None else spelling
             with source.at(key):

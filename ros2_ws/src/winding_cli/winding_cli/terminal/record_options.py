@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from winding_core.library.cables import with_cable
+from winding_core.library.cables import CableError, with_cable
 from winding_core.parameters import Declaration, explained, option_kind, options
 from winding_core.run_spec import OPTIONS
 
@@ -65,6 +65,8 @@ def typed_with_cable(typed: Typed, cable: str | None, library: Path | None) -> T
     Raises:
         CableError: There is no such cable.
     """
+    if library is not None and not library.is_dir():
+        raise CableError(f"--library: there is no folder of cables {library}")
     found = with_cable({**typed, "cable": cable}, library)
     return {key: value for key, value in found.items() if key != "cable"}
 
