@@ -14,6 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 SUMMARIES = {
     "run": "Wind one case: predict, measure, correct; end with a table and a report.",
     "cell": "Write, check and describe cell files, which `winding run` takes.",
+    "cable": "List, show and compare the cables of the library, and add your own.",
     "serve": "Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C.",
     "predict": (
         "Predict where every marker ends up, how much cable is used, and how far to trust it."
@@ -25,6 +26,7 @@ SUMMARIES = {
     "identify": (
         "Identify the cable's material from tracked markers by inverse winding, or from a test."
     ),
+    "runs": "List, show and compare the runs of a folder, and say what drifts over them.",
     "study": "Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models.",
     "train": (
         "Learn the correction factor h and compare it, in-sample and by case left out, with others."
@@ -41,6 +43,9 @@ SUMMARIES = {
     "bag": "Look into recordings, check, recover, play, replay and export them.",
 }
 
+# Of the module, where that is one of its own.
+_FOLDERS = {"board": "camera.", "calibrate": "camera."}
+
 
 def _installed() -> dict[str, EntryPoint]:
     """Return the commands that other packages bring, by name."""
@@ -52,7 +57,8 @@ class _LazyCommands(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         if name in SUMMARIES:
-            command = getattr(importlib.import_module(f"winding_cli.commands.{name}"), name)
+            module = f"winding_cli.commands.{_FOLDERS.get(name, '')}{name}"
+            command = getattr(importlib.import_module(module), name)
         else:
             command = _installed()[name].load()
         if not isinstance(command, typer.Typer):

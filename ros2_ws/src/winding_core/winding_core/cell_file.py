@@ -51,6 +51,13 @@ class CellFile:
     values: Mapping[str, object] = field(default_factory=dict)  # By option
     places: Mapping[str, Place] = field(default_factory=dict)  # Of options
     sections: Mapping[str, Place] = field(default_factory=dict)  # Of the sections' names
+    # Section -> option -> value, for files in which sections share names of options.
+    by_section: dict[str, dict[str, object]] = field(default_factory=dict)
+    section_places: Mapping[tuple[str, str], Place] = field(default_factory=dict)  # Of these
+
+    def place(self, section: str, key: str) -> Place:
+        """Return where an option of a section stands."""
+        return self.section_places[section, key]
 
 
 class _CellLoader(PlainLoader):
@@ -108,14 +115,23 @@ def parse_cell(text: str, start: Place, known: Known) -> CellFile:
     values: dict[str, object] = {}
     places: dict[str, Place] = {}
     sections: dict[str, Place] = {}
+    by_section: dict[str, dict[str, object]] = {name: {} for name in known}
+    section_places: dict[tuple[str, str], Place] = {}
     for name, node, place in _pairs(_composed(text, start), start.file, "a cell file"):
         _check_name(name, "", known, place)
         sections[name] = place
         for key, value, at in _pairs(node, start.file, f"section {name}"):
             _check_name(key, name, known, at)
-            places[key] = _place(value.start_mark, start.file)
-            values[key] = _value(value, key, start.file)
-    return CellFile(start=start, values=values, places=places, sections=sections)
+            places[key] = section_places[name, key] = _place(value.start_mark, start.file)
+            values[key] = by_section[name][key] = _value(value, key, start.file)
+    return CellFile(
+        start=start,
+        values=values,
+        places=places,
+        sections=sections,
+        by_section=by_section,
+        section_places=section_places,
+    )
 
 
 def cell_text(given: Mapping[str, Mapping[str, object]]) -> str:

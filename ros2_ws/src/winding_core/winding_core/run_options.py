@@ -280,6 +280,48 @@ class RunPage:
     dashboard_port: int = parameter(8080, "TCP port of that page", PLAIN, 1, 65535)
 
 
+# A label fits a column of a table [characters].
+_LONGEST_LABEL = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunLabels:
+    """Which cable is wound, where, by whom, and what is noted of it."""
+
+    cable: str = parameter(
+        "", "cable of the library, by its name, or a cable file; see `winding cable list`", PLAIN
+    )
+    library: str = parameter("", "folder of own cables; otherwise the user's", PATH)
+    machine_name: str = parameter("", "name of the machine; otherwise simulated or external", PLAIN)
+    batch: str = parameter("", "batch that the cable is of", PLAIN)
+    operator: str = parameter("", "who winds", PLAIN)
+    remark: str = parameter("", "what else is to be known of the run", PLAIN)
+
+    def __post_init__(self) -> None:
+        for name, text in vars(self).items():
+            if len(text) > _LONGEST_LABEL or not text.isprintable():
+                raise ValueError(
+                    f"{name} must be printable and at most {_LONGEST_LABEL} characters long, "
+                    f"got {text[:40]!r}"
+                )
+
+    def named(self, cable: str, machine: str) -> dict[str, str]:
+        """Return what is known of a run, by what it is.
+
+        Args:
+            cable: Name of the cable; empty where none is named.
+            machine: What winds where the machine has no name.
+        """
+        found = {
+            "cable": cable,
+            "machine": self.machine_name or machine,
+            "batch": self.batch,
+            "operator": self.operator,
+            "remark": self.remark,
+        }
+        return {name: text for name, text in found.items() if text}
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunGraph:
     """Where the nodes run, and with what."""

@@ -11,10 +11,11 @@ from types import MappingProxyType
 from typing import Any, NoReturn, Self
 
 from winding_core import run_options as declared
-from winding_core.cable.condition import Condition, published_case
+from winding_core.cable.condition import ALTERNATIVES, Condition, published_case
 from winding_core.cell_file import CellFile, Place, cell_text, read_cell
 from winding_core.lay.drum_parameters import DrumParameters
 from winding_core.lay.layers import WoundDrum
+from winding_core.library.cables import PROPERTIES, with_cable
 from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MarkerLook
 from winding_core.parameters import (
@@ -40,6 +41,7 @@ SECTIONS: Mapping[str, type] = MappingProxyType(
         "correction": declared.RunCorrection,
         "recording": declared.RunRecording,
         "limits": declared.OperatorLimits,
+        "run": declared.RunLabels,
         "page": declared.RunPage,
         "graph": declared.RunGraph,
     }
@@ -55,8 +57,7 @@ USUAL = (
 )
 # Of these the one that is given over a file replaces the file's.
 _ALTERNATIVES = (
-    ("tension_n", "tension_mpa"),
-    ("free_length_mm", "guide_distance_mm"),
+    *ALTERNATIVES,
     ("turns", "wound_length_mm"),
     ("program", "pitch_mm"),
 )
@@ -74,7 +75,7 @@ _OF_CAMERA = (
 GOAL_OPTIONS = tuple(
     key
     for key, section in SECTION_OF.items()
-    if section not in ("page", "graph", "recording")
+    if section not in ("run", "page", "graph", "recording")
     and key not in ("program", "truth", "compose", "weights")
 )
 
@@ -135,6 +136,7 @@ class RunSpec:
     correction: declared.RunCorrection  # Of the predicted lengths
     recording: declared.RunRecording  # What is left, and where
     limits: declared.OperatorLimits  # What is called good
+    run: declared.RunLabels  # Which cable, where, by whom
     page: declared.RunPage  # Of an operator
     graph: declared.RunGraph  # Of the nodes
     given: Mapping[str, object] = field(compare=False)  # Option -> value in the option's unit
@@ -160,9 +162,17 @@ class RunSpec:
         replaced = {
             key for group in _ALTERNATIVES if typed.keys() & {*group} for key in group
         } - typed.keys()
+        if typed.get("cable"):
+            replaced |= {*PROPERTIES} - typed.keys()
         given = {**(cell.values if cell else {}), **typed}
         given = {key: value for key, value in given.items() if key not in replaced}
         source = Source(typed=frozenset(typed), spelling=spelling, cell=cell)
+        library = Path(str(given["library"])) if given.get("library") else None
+        if library is not None and not library.is_dir():
+            sentence = f"{source.name('library')}: there is no folder of cables {library}"
+            source.refuse("library", sentence)
+        with source.at("cable"):
+            given = with_cable(given, library)
         for key, value in given.items():
             written = str if source.place(key) is not None else spelling
             with source.at(key):
@@ -226,6 +236,11 @@ class RunSpec:
         if not self.drum.filled:
             return None
         return self.drum.wind(self.condition.resolved().case, self.lay.pitch or None)
+
+    @property
+    def labels(self) -> dict[str, str]:
+        """Cable, machine, batch, operator and remark, as far as they are known."""
+        return self.run.named(Path(self.run.cable).stem, self.machine.machine)
 
     @property
     def simulated_lay(self) -> str:

@@ -23,7 +23,14 @@ from winding_cli.terminal.output_path import (
     staged,
     write_json,
 )
-from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.record_options import (
+    Cable,
+    Library,
+    Typed,
+    spelled,
+    typed_with_cable,
+    with_options,
+)
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE
 from winding_study.plans.drum_plan import DrumPlanParameters, drum_record
@@ -56,6 +63,8 @@ def plan(
         Path | None,
         typer.Argument(help="Lay program: .csv, .yaml, or .gcode, .nc, .ngc; see lay-control.md."),
     ] = None,
+    cable: Cable = None,
+    library: Library = None,
     even: Annotated[
         bool, typer.Option("--even", help="An even helix of the condition's own pitch.")
     ] = False,
@@ -116,6 +125,7 @@ def plan(
     _check_options(start, tolerance_mm, slow_down, picture, period_ms, turns)
     laid: SolverLay | None = None
     with refused(ValueError), refused(SolverError, code=FAILED):
+        typed = typed_with_cable(typed, cable, library)
         parameters = RunParameters.from_typed(typed, spelling=spelled, case=None)
         what = parameters.resolved(spelled)
         on_drum = DrumPlanParameters.from_options(typed_drum, spelling=spelled)

@@ -29,7 +29,14 @@ from winding_cli.terminal.output_path import (
     staged,
     write_json,
 )
-from winding_cli.terminal.record_options import Typed, spelled, with_options
+from winding_cli.terminal.record_options import (
+    Cable,
+    Library,
+    Typed,
+    spelled,
+    typed_with_cable,
+    with_options,
+)
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.parameters import typed_values
 from winding_core.run_spec import SECTION_OF, RunSpec
@@ -81,6 +88,8 @@ def predict(
         Path | None,
         typer.Argument(help="Cell file with any of these options, see `winding cell init`."),
     ] = None,
+    cable: Cable = None,
+    library: Library = None,
     json_file: Json = None,
     check: Annotated[
         bool, typer.Option("--check", help="Only check whether the solver can be right about it.")
@@ -130,7 +139,7 @@ def predict(
     if pictures < 2:
         refuse(f"--pictures must be 2 or more, got {pictures}")
     with refused(ValueError), refused(SolverError, code=FAILED):
-        run = _parameters(cell, typed).plan()
+        run = _parameters(cell, typed, cable, library).plan()
         if check:
             _print_checks(run)
             return
@@ -160,11 +169,16 @@ def predict(
         write_json(json_file, record)
 
 
-def _parameters(cell: Path | None, typed: Typed) -> RunParameters:
+def _parameters(
+    cell: Path | None, typed: Typed, cable: str | None, library: Path | None
+) -> RunParameters:
     """Return what is wound by a cell file and by options, which win over it."""
     if cell is None:
-        return RunParameters.from_typed(typed, spelling=spelled)
-    of_run = {key: value for key, value in typed.items() if key in SECTION_OF}
+        return RunParameters.from_typed(typed_with_cable(typed, cable, library), spelling=spelled)
+    named = {"cable": cable, "library": library}
+    of_run = {key: value for key, value in typed.items() if key in SECTION_OF} | {
+        key: value for key, value in named.items() if value is not None
+    }
     own = {key: value for key, value in typed.items() if key not in SECTION_OF}
     spec = RunSpec.from_cell(cell, of_run, spelled)
     values: dict[str, Any] = asdict(spec.condition) | asdict(spec.solver)

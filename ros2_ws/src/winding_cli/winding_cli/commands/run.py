@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -83,6 +84,7 @@ def run(
     origin = origin_here()
     with refused(ValueError):
         spec = RunSpec.from_cell(cell, typed, spelled)
+        origin = replace(origin, labels=spec.labels)
         config = configured(spec, {ORIGIN: origin.text})
     if spec.path("json") == STANDARD_OUTPUT:
         print_aside()

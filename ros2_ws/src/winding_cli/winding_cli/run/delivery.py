@@ -106,7 +106,9 @@ class RunDelivery:
             result.limits or spec.limits,
             asked=asked,
             parameters=parameters,
-            origin=origin_here(result.began) if self._operated else self._origin,
+            origin=replace(origin_here(result.began), labels=self._origin.labels)
+            if self._operated
+            else self._origin,
         )
         show(record)
         try:

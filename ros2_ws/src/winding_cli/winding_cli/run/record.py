@@ -17,6 +17,7 @@ from winding_cli.run.laid_cable import last_cable, recorded_outcome
 from winding_cli.run.outcome import run_outcome
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
+from winding_core.cable.material_report import MaterialReport
 from winding_core.helix import curve_length
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value, declarations, declared_in
@@ -34,7 +35,7 @@ from winding_reports.trace import length_trace
 from winding_ros import topics
 from winding_ros.graph import RIG, parameters_of
 from winding_ros.messages.clouds import decode_cloud
-from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics
+from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics, decode_material
 from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
 from winding_supervisor.session.session import RunResult
@@ -175,6 +176,7 @@ def run_record(
             ),
         ),
         cable=last_cable(buffer, case),
+        material=_material(buffer),
         element=solver.element,
         rod=rod,
         notes=(
@@ -283,6 +285,11 @@ def _facts(buffer: RunBuffer, corrected: Mapping[str, str]) -> dict[str, str]:
     if "energy_balance_pct" in solver:
         facts["solver's energy balance"] = f"open by {solver['energy_balance_pct']} %"
     return facts
+
+
+def _material(buffer: RunBuffer) -> MaterialReport | None:
+    newest = buffer.newest(topics.FEM_MATERIAL, decode_material)
+    return None if newest is None else newest[1]
 
 
 def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:

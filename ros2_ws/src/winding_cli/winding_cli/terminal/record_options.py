@@ -5,15 +5,30 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import Annotated, Any, get_type_hints
 
 import typer
 
+from winding_core.library.cables import CableError, with_cable
 from winding_core.parameters import Declaration, explained, option_kind, options
 from winding_core.run_spec import OPTIONS
 
 Domain = Annotated[int | None, typer.Option(help="DDS domain; else ROS_DOMAIN_ID, else 0.")]
 Namespace = Annotated[str, typer.Option(help="Namespace of the graph.")]
+Cable = Annotated[
+    str | None,
+    typer.Option(
+        help="Cable of the library, by its name, or a cable file; see `winding cable list`.",
+        rich_help_panel="What is wound",
+    ),
+]
+Library = Annotated[
+    Path | None,
+    typer.Option(
+        help="Folder of own cables; otherwise the user's.", rich_help_panel="What is wound"
+    ),
+]
 
 _CAMERA = "Camera and markers"
 
@@ -42,6 +57,18 @@ Typed = Mapping[str, object]
 def spelled(option: str) -> str:
     """Return how an option is typed."""
     return f"--{option.replace('_', '-')}"
+
+
+def typed_with_cable(typed: Typed, cable: str | None, library: Path | None) -> Typed:
+    """Return options of what is wound with those of a cable where nothing else was typed.
+
+    Raises:
+        CableError: There is no such cable.
+    """
+    if library is not None and not library.is_dir():
+        raise CableError(f"--library: there is no folder of cables {library}")
+    found = with_cable({**typed, "cable": cable}, library)
+    return {key: value for key, value in found.items() if key != "cable"}
 
 
 def with_options(*records: type) -> Callable[[Callable[..., None]], Callable[..., None]]:

@@ -44,6 +44,8 @@ from winding_core.units import (
 # The paper's markers are spaced like this on most cables [m].
 OWN_MARKER_SPACING = 0.1
 _CASE_VALUE = "the case's"
+# Of these options the one that is given replaces the other.
+ALTERNATIVES = (("tension_n", "tension_mpa"), ("free_length_mm", "guide_distance_mm"))
 # Any of these without a case defines a condition that is not the paper's.
 OWN = ("cylinder_diameter", "cable_diameter", "weight", "nominal_stress", "marker_spacing")
 

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 from dataclasses import dataclass
+from pathlib import Path
 from statistics import fmean
 from typing import Any
 
@@ -110,6 +111,16 @@ class DataTable:
         for row in self.rows:
             writer.writerow([known(value) for value in row])
         return text.getvalue()
+
+    def write_parquet(self, path: Path) -> None:
+        """Write the table as Parquet; what is not known is null. Needs pyarrow."""
+        # Only who wants Parquet waits for it to load.
+        import pyarrow as pa  # type: ignore[import-untyped]  # noqa: PLC0415
+        import pyarrow.parquet as pq  # type: ignore[import-untyped]  # noqa: PLC0415
+
+        names = [column.name for column in self.columns]
+        columns = {name: [known(value) for value in self.column(name)] for name in names}
+        pq.write_table(pa.table(columns), path)
 
 
 def known(value: Value) -> Value:

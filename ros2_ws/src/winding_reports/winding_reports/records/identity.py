@@ -43,6 +43,8 @@ class Origin:
     project_version: str  # Of this project
     versions: Mapping[str, str]  # Of LIBRARIES, by name; empty text for one that is not installed
     host: str  # Name of the machine
+    # Cable, machine, batch, operator and remark of a run, as far as they are known.
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if self.began.utcoffset() is None:
@@ -61,6 +63,7 @@ class Origin:
             "project_version": self.project_version,
             "versions": dict(self.versions),
             "host": self.host,
+            **({"labels": dict(self.labels)} if self.labels else {}),
         }
 
     @property
@@ -83,6 +86,7 @@ class Origin:
                 project_version=str(stated["project_version"]),
                 versions={str(k): str(v) for k, v in stated["versions"].items()},
                 host=str(stated["host"]),
+                labels={str(k): str(v) for k, v in stated.get("labels", {}).items()},
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"not the origin of a run: {error!r}") from error
@@ -134,7 +138,7 @@ class Identity:
                     f"{name} {version or 'not installed'}"
                     for name, version in origin.versions.items()
                 ),
-            }
+            } | {name.capitalize(): text for name, text in origin.labels.items()}
         if self.seeds:
             shown["Seed" if len(self.seeds) == 1 else "Seeds"] = ", ".join(map(str, self.seeds))
         if self.bags:

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case, PublishedMarker, published_markers
+from winding_core.cable.material_report import MaterialReport
 from winding_core.error_verdict import ErrorVerdict, error_pct
 from winding_core.machine.drive import DriveProfile
 from winding_core.run_outcome import RunOutcome
@@ -176,6 +177,7 @@ class RunRecord(AxisSpeeds):
     cable: WoundCable | None = None
     element: str = "rod"  # That predicted
     rod: MarkerSeries = field(default_factory=MarkerSeries.empty)
+    material: MaterialReport | None = None  # As the markers determine it, at the end
 
     @property
     def marker_ids(self) -> tuple[int, ...]:
@@ -205,7 +207,8 @@ class RunRecord(AxisSpeeds):
 def run_json(record: RunRecord) -> dict[str, Any]:
     """Return the run's numbers as JSON values; null where nothing was measured.
 
-    Of equal runs all but ``identity`` and ``wall_s`` is equal: a comparison leaves these two out.
+    Of equal runs all but ``identity``, ``wall_s`` and ``material`` is equal: a comparison leaves
+    these out. How many markers a material is identified from depends on the computer.
     """
     return {
         "identity": record.identity.as_json(),
@@ -236,6 +239,7 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "wall_s": _number(record.wall_s),
         "sim_s": _number(record.sim_s),
         "error_verdict": record.verdict.as_json(),
+        **({} if record.material is None else {"material": _material_json(record.material)}),
         **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
         **({} if record.lay is None else _lay_json(record.lay)),
     }
@@ -245,6 +249,18 @@ def _lay_json(lay: LayOutcome) -> dict[str, Any]:
     """Return the lay, and the verdict of the run where the controller drove."""
     verdict = {"kept": lay.verdict.kept, "sentence": lay.verdict.sentence}
     return {**({"verdict": verdict} if lay.drove else {}), "lay": outcome_json(lay)}
+
+
+def _material_json(material: MaterialReport) -> dict[str, Any]:
+    return {
+        "law": material.law,
+        "young_pa": _number(material.young),
+        "standard_error_pa": _number(material.standard_error),
+        "half_width_90_pa": _number(material.half_width_90),
+        "markers": list(material.markers),
+        "taken_up": material.taken_up,
+        "refused": material.refusal or None,
+    }
 
 
 def _trace_json(trace: LengthTrace) -> dict[str, Any]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.commands.board import BoardOptions
+from winding_cli.commands.camera.board import BoardOptions
 from winding_cli.terminal.console import busy
 from winding_cli.terminal.output_path import Force, check_output_file, staged
 from winding_cli.terminal.record_options import Typed, with_options

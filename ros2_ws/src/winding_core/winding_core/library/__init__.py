@@ -1,0 +1,1 @@
+"""The library of cables: what is known of a cable, by its name."""

@@ -1,0 +1,1 @@
+"""Quality over runs: the index of a folder, control charts, pages."""
