@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dense_contact import dense_lay
 from random_conditions import planned
 
 from cable_fem_node.winding.prediction import PlannedRun
@@ -115,6 +116,53 @@ def test_layers_lie_in_the_valleys_of_those_below(layers):
         # One per cent of the diameter for each layer.
         assert lowest == pytest.approx(layer * math.sqrt(0.75), abs=0.01 * layer)
         assert height[inside].max() < layer * 1.01
+
+
+def inner(layer, turns):
+    """Wound angles of a layer of so many turns, without what lies next to its flanges."""
+    return np.linspace(turns * layer + 1.2, turns * (layer + 1) - 1.2, 2000) * TURN
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("pitch", [1.0, 1.1, 1.3])
+def test_layers_that_cross_rise_by_the_mean_of_their_crossings(pitch):
+    # Flanks of valleys are as steep as p/2 over their height, 0.86 at most: friction holds the
+    # cable where it lands.
+    turns, aside = 5.5, np.linspace(0.0, 0.5 * pitch, 1001)
+    model = wound(4 * turns, pitch * DIAMETER, drum(turns * pitch + 1.0), friction=1.0)
+    theta, _, height = laid(model)
+    rise = np.sqrt(1.0 - aside**2).mean()
+    for layer in range(1, 4):
+        mean = np.interp(inner(layer, turns), theta, height).mean()
+        # The specification's bar.
+        assert mean == pytest.approx(layer * rise, abs=0.01)
+    assert abs(model.energy.balance_pct) < 0.1
+
+
+@pytest.mark.campaign
+def test_turns_come_to_lie_as_in_a_dense_solution():
+    turns, pitch, friction = 5.5, 1.1, 1.0
+    model = wound(2 * turns, pitch * DIAMETER, drum(turns * pitch + 1.0), friction=friction)
+    theta, z, height = laid(model)
+    resolved, width = model.config.resolved, turns * pitch
+    bending = resolved.constants.bending / (resolved.tension * DIAMETER**2)
+    dense = dense_lay(
+        2 * turns,
+        np.array(
+            [[0.0, turns * TURN, 2 * turns * TURN, 3 * turns * TURN], [0.0, width, 0.0, width]]
+        ),
+        radius=RHO / DIAMETER,
+        span=model.config.free_length / DIAMETER,
+        bending=bending,
+        friction=friction,
+        between=(0.0, width),
+    )
+    for layer in (0, 1):
+        at = inner(layer, turns)
+        aside = np.interp(at, theta, z) - np.interp(at, dense[0], dense[1])
+        up = np.interp(at, theta, height) - np.interp(at, dense[0], dense[2]) + RHO / DIAMETER
+        # The specification's bar.
+        assert np.hypot(aside, up).max() < 0.1
 
 
 @pytest.mark.slow
