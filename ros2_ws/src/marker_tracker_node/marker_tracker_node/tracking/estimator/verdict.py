@@ -149,7 +149,7 @@ def _within_doubt(
 
 def _furthest(usual: Fit) -> tuple[Explanation, ...]:
     """Return the numbers that a fit takes far from what was configured, the furthest first."""
-    away = [(abs(float(usual.x[k])) / NUMBERS[k].doubt, k) for k in range(COUNT)]
+    away = [(abs(float(usual.x[k])) * float(usual.prior[k]) ** 0.5, k) for k in range(COUNT)]
     return tuple(
         Explanation(k, float(usual.x[k]), math.nan, usual)
         for size, k in sorted(away, reverse=True)
