@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,11 +45,11 @@ class SightingLog:
     """Takes what frames yielded.
 
     Attributes:
-        laps: By marker and lap; the laps of a marker are counted by its azimuth.
+        laps: Of each marker, by their numbers, which are counted by its azimuth.
     """
 
     def __init__(self) -> None:
-        self.laps: dict[tuple[int, int], Lap] = {}
+        self.laps: defaultdict[int, defaultdict[int, Lap]] = defaultdict(lambda: defaultdict(Lap))
         self._rows = _Table(COLUMNS)
         self._motion = _Table(2)
 
@@ -76,9 +77,7 @@ class SightingLog:
         if not len(passings):
             return
         for n, number, missed, light in passings[:, [0, 1, -2, -1]].tolist():
-            place = int(n), int(number)
-            if (lap := self.laps.get(place)) is None:
-                lap = self.laps[place] = Lap()
+            lap = self.laps[int(n)][int(number)]
             lap.light += light
             if missed:
                 lap.missed += 1

@@ -288,7 +288,7 @@ class Tracker:
         )
 
     def explain(self) -> None:
-        """Explain what was seen if a marker has passed, and measure with what that corrects."""
+        """Explain what was seen if there is news, and measure with what that corrects."""
         done = self._checks.judge(self._evidence, self._setup, self.state, self._seen)
         found, marks = self._checks.correction, self.state.marks
         if found is None or not (done and self._start.proven):

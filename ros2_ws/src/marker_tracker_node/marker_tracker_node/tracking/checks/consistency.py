@@ -43,19 +43,21 @@ class RunChecks:
     def __init__(self) -> None:
         self.contradictions: tuple[Contradiction, ...] = ()
         self.correction: Correction | None = None
-        self._judged = 0, 0
+        # How many markers, turns and sightings were judged.
+        self._news, self._rows = (0, 0), 0
 
     def judge(
         self, run: RunEvidence, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
     ) -> bool:
-        """Judge anew with every lap and a quarter more sightings; return whether that was done.
+        """Judge anew with every marker, turn and quarter more sightings; return whether it is done.
 
         What is explained is made by `seen`.
         """
-        laps, rows = len(run.log.laps), len(run.log.sightings)
-        if self._judged[0] == laps and rows <= _MORE * self._judged[1]:
+        laps, rows = run.log.laps, len(run.log.sightings)
+        news = len(laps), max(map(len, laps.values()), default=0)
+        if self._news == news and rows <= _MORE * self._rows:
             return False
-        self._judged = laps, rows
+        self._news, self._rows = news, rows
         light = _of_light(run.log, state.marks.area)
         if light is not None:
             self.contradictions = (light,)
@@ -85,7 +87,7 @@ def _of_light(log: SightingLog, area: FloatArray) -> Contradiction | None:
     laps = _whole_laps(log)
     if not laps:
         return None
-    first, last = (log.laps[0, lap] for lap in (laps[0], laps[-1]))
+    first, last = (log.laps[0][lap] for lap in (laps[0], laps[-1]))
     before, now = first.light / first.frames, last.light / last.frames
     found, areas = _late(log, laps[-1]).share, area[area > 0.0]
     smaller = areas.size > 0 and float(np.median(np.log(areas))) < -2.0 * AREA_SIGMA
@@ -106,7 +108,7 @@ def _of_colour(log: SightingLog) -> Contradiction | None:
     laps = _whole_laps(log)
     if not laps:
         return None
-    first, late = log.laps[0, laps[0]], _late(log, laps[-1])
+    first, late = log.laps[0][laps[0]], _late(log, laps[-1])
     # What is missed more often than it is found has not come back.
     if late.measured >= late.missed or first.measured < first.missed:
         return None
@@ -121,13 +123,13 @@ def _of_colour(log: SightingLog) -> Contradiction | None:
 
 def _whole_laps(log: SightingLog) -> list[int]:
     """Return the laps of P0 but the newest, which may be on its way; none unless two are left."""
-    laps = sorted({lap for marker, lap in log.laps if marker == 0})[:-1]
+    laps = sorted(log.laps.get(0, ()))[:-1]
     return laps if len(laps) > 1 else []
 
 
 def _late(log: SightingLog, lap: int) -> Lap:
     """Return how often any marker was found in a lap of P0."""
-    late = [one for (_, number), one in log.laps.items() if number == lap]
+    late = [laps[lap] for laps in log.laps.values() if lap in laps]
     return Lap(sum(one.measured for one in late), sum(one.missed for one in late))
 
 

@@ -65,18 +65,17 @@ def fitted(
 
 def _at(problem: Problem, prior: FloatArray, centre: FloatArray, x: FloatArray) -> Fit:
     off, slopes = problem.linearised(x)
-    off, slopes = off / problem.sigma[:, None], slopes / problem.sigma[:, None, None]
-    square = (off**2).sum(axis=1)
-    weight = 1.0 / (1.0 + square / SURE**2)
+    square = (off**2).sum(axis=1) / problem.sigma**2
     cost = SURE**2 * float(np.log1p(square / SURE**2).sum())
     area, by_area = problem.area(x)
-    flat = slopes.reshape(-1, x.size)
-    weighted = flat * np.repeat(weight, 2)[:, None]
+    # The root of a Cauchy weight, over the deviation.
+    weight = (1.0 + square / SURE**2) ** -0.5 / problem.sigma
+    flat = (slopes * weight[:, None, None]).reshape(-1, x.size)
     return Fit(
         x=x,
         prior=prior,
         cost=cost + area**2 + float(prior @ (x - centre) ** 2),
-        normal=flat.T @ weighted + np.outer(by_area, by_area),
-        gradient=weighted.T @ off.ravel() + area * by_area,
+        normal=flat.T @ flat + np.outer(by_area, by_area),
+        gradient=flat.T @ (off * weight[:, None]).ravel() + area * by_area,
         rest=float(np.quantile(square, 0.8)),
     )

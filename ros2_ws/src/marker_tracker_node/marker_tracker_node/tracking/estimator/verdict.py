@@ -77,10 +77,11 @@ class Verdict:
 def judged(problem: Problem) -> Verdict:
     """Return which numbers are contradicted, with their alternatives."""
     usual = fitted(problem, problem.prior, problem.start)
-    first = _explanations(problem, usual)
+    first = _explanations(problem, usual, _LEAST_GAIN)
     wrong: tuple[tuple[Explanation, ...], ...] = (first,) if first else ()
     if first:
-        second = _explanations(problem, first[0].fit)
+        # One number that explains as well as two is the one.
+        second = _explanations(problem, first[0].fit, _AS_WELL)
         wrong = (first, second) if second else wrong
     # One number is named, or two.
     if len(wrong) < 2 and problem.markers.size > 1:
@@ -157,8 +158,8 @@ def _furthest(usual: Fit) -> tuple[Explanation, ...]:
     )
 
 
-def _explanations(problem: Problem, usual: Fit) -> tuple[Explanation, ...]:
-    """Return what explains the sightings significantly better than a fit does, best first."""
+def _explanations(problem: Problem, usual: Fit, least: float) -> tuple[Explanation, ...]:
+    """Return what explains the sightings by a least gain better than a fit does, best first."""
     covariance = usual.covariance
     promised = []
     for number in range(COUNT):
@@ -172,7 +173,7 @@ def _explanations(problem: Problem, usual: Fit) -> tuple[Explanation, ...]:
     found = []
     for gain, number, error in promised:
         # A step of outliers and bends promises half of what it leads to.
-        if gain < max(_LEAST_GAIN / DEPENDENT, _LEAST_SHARE * promised[0][0]):
+        if gain < max(least / DEPENDENT, _LEAST_SHARE * promised[0][0]):
             break
         prior, most = usual.prior.copy(), NUMBERS[number].most
         prior[number] = most**-2
@@ -183,7 +184,7 @@ def _explanations(problem: Problem, usual: Fit) -> tuple[Explanation, ...]:
         sigma = math.sqrt(float(fit.covariance[number, number]))
         found.append(Explanation(number, float(fit.x[number]), sigma, fit))
     found.sort(key=lambda one: one.fit.cost)
-    if not found or usual.cost - found[0].fit.cost < _LEAST_GAIN:
+    if not found or usual.cost - found[0].fit.cost < least:
         return ()
     most = max(_AS_WELL, _AS_WELL_SHARE * (usual.cost - found[0].fit.cost))
     return tuple(one for one in found if one.left and one.fit.cost < found[0].fit.cost + most)
