@@ -109,11 +109,12 @@ class RunCorrector:
         widths = self._by_marker(corrected, "s_high") - factored
         measured = self.measured.known_at(t - ARRIVAL)
         believed = np.full(count, np.nan)
+        lengths = corrected["s"].copy()
         for row, marker in enumerate(corrected["id"].tolist()):
             if marker == 0:
                 continue
             expected = self._expected(marker, predicted, factored, widths, believed)
-            corrected["s"][row] = expected.s
+            lengths[row] = expected.s
             corrected["h"][row] = expected.s / predicted[marker - 1]
             corrected["s_low"][row] = max(0.0, expected.s - expected.half_width)
             corrected["s_high"][row] = expected.s + expected.half_width
@@ -125,6 +126,8 @@ class RunCorrector:
                     f"marker {marker} measured at {s:.4f} m is not used: expected "
                     f"{expected.s:.4f} m within {expected.tolerance:.4f} m"
                 )
+        if (lengths != corrected["s"]).any():
+            self._corrector.move(corrected, lengths, self._condition)
         self.basis = tuple((np.flatnonzero(np.isfinite(believed)) + 1).tolist())
         self.refusals = tuple(refusals)
         return corrected

@@ -41,6 +41,7 @@ class LengthCell(MarkerCondition):
     """One measured cell of Tables 5 and 6, with a solver's prediction beside it."""
 
     s_exp: float  # Measured curve length S_n [m]
+    z_exp: float = math.nan  # Measured axial position z_n [m], or NaN
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,8 +53,8 @@ class DataSet:
 
     @property
     def sha256(self) -> str:
-        """Digest of every number of every cell, to nine digits."""
-        rows = (",".join(f"{value:.9g}" for value in astuple(cell)) for cell in self.cells)
+        """Digest of every number of every cell but z, to nine digits."""
+        rows = (",".join(f"{value:.9g}" for value in astuple(cell)[:-1]) for cell in self.cells)
         return hashlib.sha256("\n".join(rows).encode()).hexdigest()
 
 
@@ -144,6 +145,7 @@ def join_experiment(
                 original_length=row.original_length,
                 s_fem=predicted[key],
                 s_exp=row.experiment.s,
+                z_exp=row.experiment.z,
             )
         )
     return tuple(cells)

@@ -12,6 +12,7 @@ import numpy as np
 
 from correction_node.models.dataset import Array, DataSet, LengthCell, case_numbers, lengths
 from correction_node.models.factor_models import FactorModel, reference_law
+from correction_node.models.place import SELECTION, PlaceModel, learn_place, place_errors
 from correction_node.models.uncertainty import TrainingBox, conformal_bound
 from correction_node.models.weights import TrainedFactor
 from correction_node.training.evaluation import (
@@ -106,6 +107,7 @@ def learn(
         scores[rival] = score_fit(cells, fit)
         progress(f"scored {rival}")
     s_fem, s_exp = lengths(cells)
+    place, place_card = learn_places(cells, own.held_out)
     factor = TrainedFactor(
         name=name,
         model=held_out.whole,
@@ -113,9 +115,26 @@ def learn(
         box=TrainingBox.around(cells, by_marker=learner.by_marker),
         bound=conformal_bound(cells, own.held_out),
         outside_bound=OUTSIDE_FACTOR * float(np.abs(s_exp / s_fem - 1.0).max()),
-        card=_card(data, name, {"seed": seed, **asdict(config)}, scores),
+        card={**_card(data, name, {"seed": seed, **asdict(config)}, scores), **place_card},
+        place=place,
     )
     return Learned(factor=factor, scores=scores)
+
+
+def learn_places(
+    cells: Sequence[LengthCell], held_out: Array
+) -> tuple[PlaceModel | None, dict[str, Any]]:
+    """Return where markers of a length lie and what the card says of it; None without measured z.
+
+    Args:
+        cells: Measured cells.
+        held_out: h of each cell from a model that never saw its case, shape (n,).
+    """
+    if not np.isfinite([cell.z_exp for cell in cells]).all():
+        return None, {}
+    others = [learn_place(known) for known in without_each_case(cells)]
+    left_out = place_errors(cells, others, held_out)
+    return learn_place(cells), {"place": {"left_out": left_out, "selection": SELECTION}}
 
 
 def verdict(name: str, scores: dict[str, Score]) -> str:
