@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from correction_node.live.measured_run import implausible
 from correction_node.live.neighbours import MARKERS, Neighbours, Resemblance
 from correction_node.models.dataset import Array
-from correction_node.models.place import NORMAL_90
+from correction_node.models.process import NORMAL_90
 from correction_node.models.weights import Factor, TrainedFactor
 from winding_core.cable.cases import Case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, Markers, is_wound
@@ -71,8 +71,10 @@ class Corrector:
         corrected["s_fem"] = usable["s"]
         corrected["h"] = h
         s = h * usable["s"]
-        corrected["s_low"] = s * max(0.0, 1.0 - factor.relative_bound)
-        corrected["s_high"] = s * (1.0 + factor.relative_bound)
+        bounds = factor.bounds or (factor.relative_bound,) * condition.marker_count
+        wide = np.array([bounds[0], *bounds])[usable["id"]]
+        corrected["s_low"] = s * np.maximum(0.0, 1.0 - wide)
+        corrected["s_high"] = s * (1.0 + wide)
         if factor.z_shift:
             corrected["z"] += np.array([0.0, *factor.z_shift])[usable["id"]]
             corrected["sigma_z"] = np.array([0.0, *factor.z_sigma])[usable["id"]]

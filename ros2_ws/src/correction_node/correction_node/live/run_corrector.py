@@ -57,7 +57,7 @@ class RunCorrector:
         refusals: What spoke against the newest correction, sentences.
     """
 
-    def __init__(self, corrector: Corrector, law: WithinRun, condition: Case) -> None:
+    def __init__(self, corrector: Corrector, law: WithinRun | None, condition: Case) -> None:
         self._corrector = corrector
         self._law = law
         self._condition = condition
@@ -75,7 +75,7 @@ class RunCorrector:
     def outside(self) -> str | None:
         """Why the law within a run is not known to hold here, or None."""
         outside = self._corrector.factor(self._condition).outside
-        if outside is not None:
+        if outside is not None or self._law is None:
             return outside
         spacings = [row.marker_spacing for row in published_conditions().values()]
         low, high, mine = min(spacings), max(spacings), self._condition.marker_spacing
@@ -135,13 +135,13 @@ class RunCorrector:
     def _expected(
         self, marker: int, predicted: Array, factored: Array, widths: Array, believed: Array
     ) -> _Expected:
-        found = self._law.length_ahead(
+        found = self._law and self._law.length_ahead(
             marker,
             spacing=self._condition.marker_spacing,
             predicted=predicted,
             measured=believed,
         )
-        if found is not None:
+        if found is not None and self._law is not None:
             half = self._widening * self._law.half_width(found)
             return _Expected(s=found.s, half_width=half, tolerance=BELIEVED_WIDTHS * half)
         s = float(factored[marker - 1])

@@ -15,7 +15,7 @@ from correction_node.models.dataset import (
     dimensionless_inputs,
     lengths,
 )
-from correction_node.models.process import Process
+from correction_node.models.process import NORMAL_90, Process
 from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drive import DriveProfile
 
@@ -112,10 +112,6 @@ def place_errors(
         "z_mm": round(1e3 * float(np.abs(off_z).mean()), 4),
         "z_inside_90_pct": round(100.0 * float(np.mean(np.abs(off_z) <= widths)), 1),
     }
-
-
-# Half of the 90 % interval of a normal variable, in standard deviations.
-NORMAL_90 = 1.6449
 
 
 def path(theta: Array, lag: Array) -> Array:

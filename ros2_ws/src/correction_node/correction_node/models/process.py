@@ -11,10 +11,12 @@ from numpy.typing import NDArray
 
 from correction_node.models.dataset import Array
 
+# Half of the 90 % interval of a normal variable, in standard deviations.
+NORMAL_90 = 1.6449
 # Ranges of the scales, in spreads of an input, and of the deviations of smooth part, run and
 # reading, in root mean squares of what is explained; the search begins at the first of three.
 _SCALES = (1.0, 0.3, 100.0)
-_DEVIATIONS = ((1.0, 0.05, 10.0), (0.1, 1.0e-3, 2.0), (0.5, 0.05, 2.0))
+_DEVIATIONS = ((1.0, 0.05, 10.0), (0.1, 1.0e-3, 2.0), (0.5, 1.0e-3, 2.0))
 # An input that hardly varies, relative: its scale says nothing, so it is one tenth of its value.
 _CONSTANT, _LEAST_SPREAD = 1.0e-3, 0.1
 

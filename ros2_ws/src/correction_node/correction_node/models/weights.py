@@ -15,7 +15,7 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from correction_node.models.dataset import conditions_of
-from correction_node.models.factor_models import FactorModel, read_model
+from correction_node.models.factor_models import FactorModel, ProcessModel, read_model
 from correction_node.models.place import PlaceModel, path, radii, read_place
 from correction_node.models.uncertainty import Bound, TrainingBox
 from winding_core.cable.cases import Case
@@ -41,6 +41,7 @@ class Factor:
     by_marker: tuple[float, ...]  # h of P1, P2, ..; 1 outside the trained conditions
     relative_bound: float  # Half-width of the interval around h S_FEM, as a share of it
     outside: str | None  # Why the condition is outside the trained ones, or None
+    bounds: tuple[float, ...] = ()  # Of P1, P2, .., where each has its own
     # Of P1, P2, ..; empty where places are the prediction's.
     z_shift: tuple[float, ...] = ()  # z beyond the prediction's at one length [m]
     z_slope: tuple[float, ...] = ()  # dz / dS there
@@ -91,6 +92,9 @@ class TrainedFactor:
         factor = Factor(
             by_marker=tuple(h.tolist()), relative_bound=self.bound.relative, outside=None
         )
+        if isinstance(self.model, ProcessModel):
+            bounds = tuple(self.model.bounds(conditions).tolist())
+            return replace(factor, bounds=bounds, relative_bound=bounds[-1])
         if self.place is None:
             return factor
         s_fem = np.array([condition.s_fem for condition in conditions])

@@ -11,6 +11,7 @@ from correction_node.live.corrector import Corrector
 from correction_node.live.neighbours import MARKERS
 from correction_node.live.run_corrector import RunCorrector
 from correction_node.live.within_run import published_within_run
+from correction_node.models.factor_models import ProcessModel
 from correction_node.models.place import PLACES_OF
 from correction_node.models.weights import load_factor, weights_directory
 from correction_node.ros.parameters import CorrectionParameters
@@ -40,9 +41,11 @@ class CorrectionHandler:
         self.digest: str = trained.card["weights_sha256"]
         if (what.drive.advance_per_radian, what.free_length) != PLACES_OF:
             trained = replace(trained, place=None)
+        # The law within a run is of the paper's rig.
+        law = None if isinstance(trained.model, ProcessModel) else published_within_run()
         self._corrector = Corrector(trained, law=what.law)
         self.factor = self._corrector.factor(condition)
-        self.run = RunCorrector(self._corrector, published_within_run(), condition)
+        self.run = RunCorrector(self._corrector, law, condition)
         self._told: tuple[frozenset[int], frozenset[int], Mapping[int, float]]
         self._told = (frozenset(), frozenset(), {})
 
