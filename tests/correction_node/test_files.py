@@ -119,7 +119,7 @@ def test_a_weight_that_is_not_a_number_is_refused(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        ({"kind": "oracle"}, "kind must be network or rig, got 'oracle'"),
+        ({"kind": "oracle"}, "kind must be network, rig or process, got 'oracle'"),
         ({"inputs": "anything"}, "inputs must be one of condition, dimensionless"),
         ({"layers": 9}, "layer5.weight"),
     ],

@@ -9,6 +9,8 @@ from numpy.typing import ArrayLike
 
 from correction_node.live.measured_run import implausible
 from correction_node.live.neighbours import MARKERS, Neighbours, Resemblance
+from correction_node.models.dataset import Array
+from correction_node.models.process import NORMAL_90
 from correction_node.models.weights import Factor, TrainedFactor
 from winding_core.cable.cases import Case
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, Markers, is_wound
@@ -47,8 +49,8 @@ class Corrector:
     def correct(self, fem_markers: Markers, condition: Case) -> Markers:
         """Return corrected records of the markers that lie on the cylinder.
 
-        s = h S_FEM within s_low and s_high; everything else stays the prediction's. A marker
-        that `refusals` names is left out.
+        s = h S_FEM within s_low and s_high, theta and z as the place model has them for it. A
+        marker that `refusals` names is left out.
 
         Args:
             fem_markers: MARKER_DTYPE records of the prediction, shape (n,).
@@ -68,10 +70,37 @@ class Corrector:
             corrected[name] = usable[name]
         corrected["s_fem"] = usable["s"]
         corrected["h"] = h
-        corrected["s"] = h * usable["s"]
-        corrected["s_low"] = corrected["s"] * max(0.0, 1.0 - factor.relative_bound)
-        corrected["s_high"] = corrected["s"] * (1.0 + factor.relative_bound)
+        s = h * usable["s"]
+        bounds = factor.bounds or (factor.relative_bound,) * condition.marker_count
+        wide = np.array([bounds[0], *bounds])[usable["id"]]
+        corrected["s_low"] = s * np.maximum(0.0, 1.0 - wide)
+        corrected["s_high"] = s * (1.0 + wide)
+        if factor.z_shift:
+            corrected["z"] += np.array([0.0, *factor.z_shift])[usable["id"]]
+            corrected["sigma_z"] = np.array([0.0, *factor.z_sigma])[usable["id"]]
+        self.move(corrected, s, condition)
         return corrected
+
+    def move(self, corrected: Markers, s: Array, condition: Case) -> None:
+        """Move corrected records along the cable's path to lengths s [m], shape (m,).
+
+        theta, z and s stay one length, s = hypot(r theta, z), and the standard deviation of theta
+        becomes that of the interval of s.
+        """
+        slope = np.array(
+            [0.0, *(self.factor(condition).z_slope or (0.0,) * condition.marker_count)]
+        )
+        cable = corrected["id"] > 0
+        z = corrected["z"] + slope[corrected["id"]] * (s - corrected["s"])
+        theta = np.sqrt(np.maximum(s**2 - z**2, 0.0)) / corrected["r"]
+        turned = np.where(cable, theta - corrected["theta"], 0.0)
+        x, y = corrected["x"].astype(float), corrected["y"].astype(float)
+        corrected["x"] = x * np.cos(turned) + y * np.sin(turned)
+        corrected["y"] = y * np.cos(turned) - x * np.sin(turned)
+        corrected["theta"] += turned
+        corrected["z"], corrected["s"] = z, s
+        wide = (corrected["s_high"] - s) / (NORMAL_90 * corrected["r"])
+        corrected["sigma_theta"] = np.where(cable, wide, corrected["sigma_theta"])
 
     def refusals(self, fem_markers: Markers, condition: Case) -> tuple[str, ...]:
         """Return one sentence for each marker that should be corrected and is not."""

@@ -57,7 +57,7 @@ class RunCorrector:
         refusals: What spoke against the newest correction, sentences.
     """
 
-    def __init__(self, corrector: Corrector, law: WithinRun, condition: Case) -> None:
+    def __init__(self, corrector: Corrector, law: WithinRun | None, condition: Case) -> None:
         self._corrector = corrector
         self._law = law
         self._condition = condition
@@ -75,7 +75,7 @@ class RunCorrector:
     def outside(self) -> str | None:
         """Why the law within a run is not known to hold here, or None."""
         outside = self._corrector.factor(self._condition).outside
-        if outside is not None:
+        if outside is not None or self._law is None:
             return outside
         spacings = [row.marker_spacing for row in published_conditions().values()]
         low, high, mine = min(spacings), max(spacings), self._condition.marker_spacing
@@ -109,11 +109,12 @@ class RunCorrector:
         widths = self._by_marker(corrected, "s_high") - factored
         measured = self.measured.known_at(t - ARRIVAL)
         believed = np.full(count, np.nan)
+        lengths = corrected["s"].copy()
         for row, marker in enumerate(corrected["id"].tolist()):
             if marker == 0:
                 continue
             expected = self._expected(marker, predicted, factored, widths, believed)
-            corrected["s"][row] = expected.s
+            lengths[row] = expected.s
             corrected["h"][row] = expected.s / predicted[marker - 1]
             corrected["s_low"][row] = max(0.0, expected.s - expected.half_width)
             corrected["s_high"][row] = expected.s + expected.half_width
@@ -125,6 +126,8 @@ class RunCorrector:
                     f"marker {marker} measured at {s:.4f} m is not used: expected "
                     f"{expected.s:.4f} m within {expected.tolerance:.4f} m"
                 )
+        if (lengths != corrected["s"]).any():
+            self._corrector.move(corrected, lengths, self._condition)
         self.basis = tuple((np.flatnonzero(np.isfinite(believed)) + 1).tolist())
         self.refusals = tuple(refusals)
         return corrected
@@ -132,13 +135,13 @@ class RunCorrector:
     def _expected(
         self, marker: int, predicted: Array, factored: Array, widths: Array, believed: Array
     ) -> _Expected:
-        found = self._law.length_ahead(
+        found = self._law and self._law.length_ahead(
             marker,
             spacing=self._condition.marker_spacing,
             predicted=predicted,
             measured=believed,
         )
-        if found is not None:
+        if found is not None and self._law is not None:
             half = self._widening * self._law.half_width(found)
             return _Expected(s=found.s, half_width=half, tolerance=BELIEVED_WIDTHS * half)
         s = float(factored[marker - 1])

@@ -6,7 +6,7 @@ import csv
 import hashlib
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass, fields
 from importlib.resources import files
 from pathlib import Path
 
@@ -34,6 +34,7 @@ class MarkerCondition:
     tension: float  # Nominal stress, weight over undeformed section [Pa]
     original_length: float  # n marker spacings [m]
     s_fem: float  # Predicted curve length S_n [m]
+    young: float = Material().young  # As stated to the solver [Pa]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +42,9 @@ class LengthCell(MarkerCondition):
     """One measured cell of Tables 5 and 6, with a solver's prediction beside it."""
 
     s_exp: float  # Measured curve length S_n [m]
+    z_exp: float = math.nan  # Measured axial position z_n [m], or NaN
+    sigma: float = 0.0  # Standard deviation of s_exp, relative, where it is known
+    cable: str = ""  # Which cable, where there are several
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,11 +53,14 @@ class DataSet:
 
     name: str
     cells: tuple[LengthCell, ...]
+    own: bool = False  # Whether these are own runs and not the paper's cases
 
     @property
     def sha256(self) -> str:
-        """Digest of every number of every cell, to nine digits."""
-        rows = (",".join(f"{value:.9g}" for value in astuple(cell)) for cell in self.cells)
+        """Digest of the lengths, conditions and stated moduli, to nine digits."""
+        left_out = {"z_exp", "sigma", "cable", *(() if self.own else ("young",))}
+        names = [item.name for item in fields(LengthCell) if item.name not in left_out]
+        rows = (",".join(f"{getattr(cell, name):.9g}" for name in names) for cell in self.cells)
         return hashlib.sha256("\n".join(rows).encode()).hexdigest()
 
 
@@ -76,7 +83,9 @@ def load_data_set(name: str) -> DataSet:
     else:
         path = Path(name)
         if not path.is_file():
-            raise FileNotFoundError(f"no data set {name}: give paper, rod or a CSV file")
+            raise FileNotFoundError(
+                f"no data set {name}: give paper, rod, a CSV file or a folder of runs"
+            )
         predicted = parse_lengths(path.read_text(encoding="utf-8"), source=path.name)
     return DataSet(name=name, cells=join_experiment(predicted, source=name))
 
@@ -144,6 +153,7 @@ def join_experiment(
                 original_length=row.original_length,
                 s_fem=predicted[key],
                 s_exp=row.experiment.s,
+                z_exp=row.experiment.z,
             )
         )
     return tuple(cells)
@@ -179,11 +189,10 @@ def dimensionless_inputs(conditions: Sequence[MarkerCondition]) -> Array:
     How far the weight strains the cable, how sharply the cylinder bends it, and how many turns
     of unstretched cable lie before the marker.
     """
-    young = Material().young
     return np.array(
         [
             (
-                math.log(c.tension / young),
+                math.log(c.tension / c.young),
                 math.log(c.cylinder_diameter / c.cable_diameter),
                 turns(c),
             )
@@ -218,6 +227,7 @@ def conditions_of(case: Case, law: str) -> tuple[MarkerCondition, ...]:
             tension=case.nominal_stress,
             original_length=case.original_length(marker),
             s_fem=float(s_fem),
+            young=case.material.young,
         )
         for marker, s_fem in enumerate(reference, start=1)
     )

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from correction_node.models.dataset import INPUTS, Array, LengthCell, MarkerCondition, lengths
+from correction_node.models.process import NORMAL_90, Process
 from winding_core.cable.cases import Case
 from winding_core.cable.material_law import LAWS
 from winding_core.lay.quasi_static import QuasiStaticLay
@@ -179,16 +180,41 @@ class RigModel:
         return {"kind": "rig", "law": RIG_LAW, "residual": residual}
 
 
+@dataclass(frozen=True, kw_only=True)
+class ProcessModel:
+    """ln h as a process over the dimensionless inputs; 1 far from what it was learned from."""
+
+    process: Process  # Of ln(S_EXP / S_FEM)
+
+    def h(self, conditions: Sequence[MarkerCondition]) -> Array:
+        """Return h, shape (n,)."""
+        return np.exp(self.process.at(INPUTS["dimensionless"](conditions))[0])
+
+    def bounds(self, conditions: Sequence[MarkerCondition]) -> Array:
+        """Return relative half-widths of 90 % intervals, shape (n,)."""
+        return np.expm1(NORMAL_90 * self.process.at(INPUTS["dimensionless"](conditions))[1])
+
+    def tensors(self) -> dict[str, Array]:
+        """Return every number of the process."""
+        return self.process.tensors("process")
+
+    def form(self) -> dict[str, Any]:
+        """Return the kind."""
+        return {"kind": "process"}
+
+
 def read_model(form: Mapping[str, Any], tensors: Tensors) -> FactorModel:
     """Return the model that `form` and `tensors` describe.
 
     Raises:
         KeyError, ValueError, TypeError: They do not.
     """
+    if form["kind"] == "process":
+        return ProcessModel(process=Process.read("process", tensors))
     if form["kind"] == "network":
         return _network(form, tensors)
     if form["kind"] != "rig":
-        raise ValueError(f"kind must be network or rig, got {form['kind']!r}")
+        raise ValueError(f"kind must be network, rig or process, got {form['kind']!r}")
     if form["law"] != RIG_LAW:
         raise ValueError(f"law must be {RIG_LAW}, got {form['law']!r}")
     offset, share, gain, start, length = (float(number) for number in tensors["rig.tension"])

@@ -72,6 +72,7 @@ class TrainingBox:
     cable_diameter: tuple[float, float]  # (smallest, largest) [m]
     weight: tuple[float, float]  # (smallest, largest) [N]
     turns: float | None = None
+    young: tuple[float, float] = (Material().young,) * 2  # As stated to the solver [Pa]
 
     @classmethod
     def around(cls, cells: Sequence[LengthCell], *, by_marker: bool = False) -> TrainingBox:
@@ -87,21 +88,24 @@ class TrainingBox:
             cable_diameter=_range([c.cable_diameter for c in cells]),
             weight=_range(weights),
             turns=max(turns(c) for c in cells) if by_marker else None,
+            young=_range([c.young for c in cells]),
         )
 
     def outside(self, case: Case) -> str | None:
         """Return one sentence on why a condition lies outside, or None when it lies inside."""
+        one_young = self.young[0] == self.young[1]
         for name, value, (low, high), unit in (
             ("cylinder_diameter", case.cylinder_diameter, self.cylinder_diameter, "m"),
             ("cable_diameter", case.cable_diameter, self.cable_diameter, "m"),
             ("weight", case.weight, self.weight, "N"),
+            *([] if one_young else [("young", case.material.young, self.young, "Pa")]),
         ):
             if not low * (1.0 - ROUNDING) <= value <= high * (1.0 + ROUNDING):
                 return (
                     f"{name} {value:.4g} {unit} lies outside the trained range "
                     f"{low:.4g} to {high:.4g} {unit}: no correction"
                 )
-        trained = Material()
+        trained = Material(young=self.young[0] if one_young else case.material.young)
         for item in fields(trained):
             value, known = (getattr(one, item.name) for one in (case.material, trained))
             if value != known:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -15,9 +15,11 @@ from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
 from correction_node.models.dataset import conditions_of
-from correction_node.models.factor_models import FactorModel, read_model
+from correction_node.models.factor_models import FactorModel, ProcessModel, read_model
+from correction_node.models.place import PlaceModel, path, radii, read_place
 from correction_node.models.uncertainty import Bound, TrainingBox
 from winding_core.cable.cases import Case
+from winding_core.helix import PAPER_FREE_LENGTH
 
 SCHEMA = "cable-winding-twin/correction-weight/2"
 WEIGHTS_FILE = "weights.safetensors"
@@ -39,6 +41,11 @@ class Factor:
     by_marker: tuple[float, ...]  # h of P1, P2, ..; 1 outside the trained conditions
     relative_bound: float  # Half-width of the interval around h S_FEM, as a share of it
     outside: str | None  # Why the condition is outside the trained ones, or None
+    bounds: tuple[float, ...] = ()  # Of P1, P2, .., where each has its own
+    # Of P1, P2, ..; empty where places are the prediction's.
+    z_shift: tuple[float, ...] = ()  # z beyond the prediction's at one length [m]
+    z_slope: tuple[float, ...] = ()  # dz / dS there
+    z_sigma: tuple[float, ...] = ()  # One standard deviation of the corrected z [m]
 
     @property
     def h(self) -> float:
@@ -57,6 +64,7 @@ class TrainedFactor:
     bound: Bound  # Interval inside the box
     outside_bound: float  # Relative half-width outside the box, where nothing is promised
     card: dict[str, Any]  # What the numbers come from and how good they are; JSON values only
+    place: PlaceModel | None = None  # Where a marker of a length lies; None: as predicted
 
     @property
     def errors(self) -> dict[str, float]:
@@ -79,8 +87,30 @@ class TrainedFactor:
                 relative_bound=self.outside_bound,
                 outside=outside,
             )
-        h = self.model.h(conditions_of(case, self.law))
-        return Factor(by_marker=tuple(h.tolist()), relative_bound=self.bound.relative, outside=None)
+        conditions = conditions_of(case, self.law)
+        h = self.model.h(conditions)
+        factor = Factor(
+            by_marker=tuple(h.tolist()), relative_bound=self.bound.relative, outside=None
+        )
+        if isinstance(self.model, ProcessModel):
+            bounds = tuple(self.model.bounds(conditions).tolist())
+            return replace(factor, bounds=bounds, relative_bound=bounds[-1])
+        if self.place is None:
+            return factor
+        s_fem = np.array([condition.s_fem for condition in conditions])
+        theta, z, sigma = self.place.place(conditions, h * s_fem)
+        raw = PlaceModel(free_length=PAPER_FREE_LENGTH, process=None)
+        rho = radii(conditions)
+        lag, nudge = self.place.free_length / rho, 1.0e-4
+        rise = (path(theta + nudge, lag) - path(theta, lag)) / nudge
+        slope = rise / np.hypot(rho, rise)
+        shift = z - raw.place(conditions, s_fem)[1] - slope * (h - 1.0) * s_fem
+        return replace(
+            factor,
+            z_shift=tuple(shift.tolist()),
+            z_slope=tuple(slope.tolist()),
+            z_sigma=tuple(sigma.tolist()),
+        )
 
 
 def weights_directory(name: str) -> Path:
@@ -92,7 +122,8 @@ def weights_directory(name: str) -> Path:
 
 def save_factor(factor: TrainedFactor, directory: Path) -> None:
     """Write weights and card into a folder, which is made when missing."""
-    content = save_tensors(factor.model.tensors(), metadata={"schema": SCHEMA})
+    place = {} if factor.place is None else factor.place.tensors()
+    content = save_tensors({**factor.model.tensors(), **place}, metadata={"schema": SCHEMA})
     card = {
         "schema": SCHEMA,
         **factor.card,
@@ -145,9 +176,11 @@ def load_factor(directory: Path) -> TrainedFactor:
             f"{weights_file} does not match its card, so it is damaged or of other weights: "
             "restore both files, or train them anew with `winding train --output`"
         )
+    model, place = _model(form, content, weights_file)
     return TrainedFactor(
         name=name,
-        model=_model(form, content, weights_file),
+        model=model,
+        place=place,
         law=law,
         box=box,
         bound=bound,
@@ -156,12 +189,14 @@ def load_factor(directory: Path) -> TrainedFactor:
     )
 
 
-def _model(form: dict[str, Any], content: bytes, source: Path) -> FactorModel:
+def _model(
+    form: dict[str, Any], content: bytes, source: Path
+) -> tuple[FactorModel, PlaceModel | None]:
     try:
         tensors = load_tensors(content)
-        model = read_model(form, tensors)
+        model, place = read_model(form, tensors), read_place(tensors)
     except (SafetensorError, KeyError, TypeError, ValueError, IndexError) as error:
         raise ValueError(f"{source} does not hold the trained model: {error!r}") from error
     if not all(np.isfinite(values).all() for values in tensors.values()):
         raise ValueError(f"{source} holds a number that is not finite")
-    return model
+    return model, place

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,6 +11,8 @@ from correction_node.live.corrector import Corrector
 from correction_node.live.neighbours import MARKERS
 from correction_node.live.run_corrector import RunCorrector
 from correction_node.live.within_run import published_within_run
+from correction_node.models.factor_models import ProcessModel
+from correction_node.models.place import PLACES_OF
 from correction_node.models.weights import load_factor, weights_directory
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.markers import MARKER_DTYPE
@@ -36,9 +39,13 @@ class CorrectionHandler:
         trained = load_factor(weights_directory(wanted.weights))
         self.errors = trained.errors
         self.digest: str = trained.card["weights_sha256"]
+        if (what.drive.advance_per_radian, what.free_length) != PLACES_OF:
+            trained = replace(trained, place=None)
+        # The law within a run is of the paper's rig.
+        law = None if isinstance(trained.model, ProcessModel) else published_within_run()
         self._corrector = Corrector(trained, law=what.law)
         self.factor = self._corrector.factor(condition)
-        self.run = RunCorrector(self._corrector, published_within_run(), condition)
+        self.run = RunCorrector(self._corrector, law, condition)
         self._told: tuple[frozenset[int], frozenset[int], Mapping[int, float]]
         self._told = (frozenset(), frozenset(), {})
 

@@ -4,25 +4,27 @@ from __future__ import annotations
 
 import platform
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from correction_node.models.dataset import Array, DataSet, LengthCell, case_numbers, lengths
-from correction_node.models.factor_models import FactorModel, reference_law
-from correction_node.models.uncertainty import TrainingBox, conformal_bound
+from correction_node.models.factor_models import FactorModel, ProcessModel, reference_law
+from correction_node.models.place import SELECTION, PlaceModel, learn_place, place_errors
+from correction_node.models.uncertainty import LEVEL, Bound, TrainingBox, conformal_bound
 from correction_node.models.weights import TrainedFactor
 from correction_node.training.evaluation import (
     BASELINES,
     Score,
+    cell_errors_pct,
     hold_out,
     score,
     score_fit,
     without_each_case,
 )
-from correction_node.training.learners import LEARNERS, NETWORK, Learner
+from correction_node.training.learners import LEARNERS, NETWORK, OWN, PROCESS, Learner
 from correction_node.training.training import TrainingConfig
 
 __all__ = ["NETWORK", "HeldOut", "Learned", "Progress", "learn", "learn_and_hold_out", "verdict"]
@@ -106,6 +108,7 @@ def learn(
         scores[rival] = score_fit(cells, fit)
         progress(f"scored {rival}")
     s_fem, s_exp = lengths(cells)
+    place, place_card = learn_places(cells, own.held_out)
     factor = TrainedFactor(
         name=name,
         model=held_out.whole,
@@ -113,9 +116,80 @@ def learn(
         box=TrainingBox.around(cells, by_marker=learner.by_marker),
         bound=conformal_bound(cells, own.held_out),
         outside_bound=OUTSIDE_FACTOR * float(np.abs(s_exp / s_fem - 1.0).max()),
-        card=_card(data, name, {"seed": seed, **asdict(config)}, scores),
+        card={**_card(data, name, {"seed": seed, **asdict(config)}, scores), **place_card},
+        place=place,
     )
     return Learned(factor=factor, scores=scores)
+
+
+def learn_own(data: DataSet, progress: Progress, law: str = "linear") -> Learned:
+    """Return the correction factor learned from own runs: a process on the prediction's rest.
+
+    Args:
+        data: Cells of own runs; `case` numbers the runs.
+        progress: Called with one short sentence when it is learned.
+        law: Material law of the solver whose lengths these are.
+    """
+    cells = data.cells
+    (held_out,) = learn_and_hold_out(cells, OWN, TrainingConfig(), [0])
+    progress(f"learned from all {len(set(case_numbers(cells).tolist()))} runs and without each")
+    scores = {PROCESS: held_out.score}
+    scores["no correction"] = score_fit(cells, BASELINES["no correction"])
+    s_fem, s_exp = lengths(cells)
+    whole = held_out.whole
+    assert isinstance(whole, ProcessModel)
+    inside = []
+    for known, model in zip(np.unique(case_numbers(cells)), held_out.left_out, strict=True):
+        assert isinstance(model, ProcessModel)
+        asked = [cell for cell in cells if cell.case == known]
+        predicted, measured = lengths(asked)
+        off = np.abs(measured / (model.h(asked) * predicted) - 1.0)
+        inside += (off <= model.bounds(asked)).tolist()
+    cables = sorted({cell.cable for cell in cells})
+    by_cable = None
+    if len(cables) > 1:
+        grouped = [replace(cell, case=cables.index(cell.cable)) for cell in cells]
+        others = [
+            OWN.learn_all([[c for c in cells if c.cable != cable]], TrainingConfig(), [0])[0].h
+            for cable in cables
+        ]
+        by_cable = round(float(cell_errors_pct(grouped, hold_out(grouped, others)).mean()), 4)
+    card = _card(data, PROCESS, {}, scores)
+    return Learned(
+        factor=TrainedFactor(
+            name=PROCESS,
+            model=whole,
+            law=law,
+            box=TrainingBox.around(cells, by_marker=True),
+            bound=Bound(relative=float(whole.bounds(cells).max()), level=LEVEL),
+            outside_bound=OUTSIDE_FACTOR * float(np.abs(s_exp / s_fem - 1.0).max()),
+            card={
+                **card,
+                "uncertainty": "s_low and s_high are the process's 90 % interval of a new run's "
+                "length; outside the box h is 1 and the bound twice the largest uncorrected error",
+                "cables": cables,
+                "inside_90_run_left_out_pct": round(100.0 * float(np.mean(inside)), 1),
+                "cable_left_out_pct": by_cable,
+            },
+        ),
+        scores=scores,
+    )
+
+
+def learn_places(
+    cells: Sequence[LengthCell], held_out: Array
+) -> tuple[PlaceModel | None, dict[str, Any]]:
+    """Return where markers of a length lie and what the card says of it; None without measured z.
+
+    Args:
+        cells: Measured cells.
+        held_out: h of each cell from a model that never saw its case, shape (n,).
+    """
+    if not np.isfinite([cell.z_exp for cell in cells]).all():
+        return None, {}
+    others = [learn_place(known) for known in without_each_case(cells)]
+    left_out = place_errors(cells, others, held_out)
+    return learn_place(cells), {"place": {"left_out": left_out, "selection": SELECTION}}
 
 
 def verdict(name: str, scores: dict[str, Score]) -> str:
@@ -133,7 +207,7 @@ def verdict(name: str, scores: dict[str, Score]) -> str:
 def _card(
     data: DataSet, name: str, training: dict[str, Any], scores: dict[str, Score]
 ) -> dict[str, Any]:
-    learner, cells = LEARNERS[name], data.cells
+    learner, cells = OWN if data.own else LEARNERS[name], data.cells
     return {
         "data": {
             "name": data.name,

@@ -50,7 +50,8 @@ def train(
         str,
         typer.Option(
             help="Predicted lengths: paper (its simulation column), rod (our rod solver), or a "
-            "CSV file with the columns case, marker, s_fem_m."
+            "CSV file with the columns case, marker, s_fem_m; or your own runs: a folder of "
+            "them, or a CSV file with the columns that docs/learning.md lists."
         ),
     ] = "rod",
     out: Annotated[
@@ -78,12 +79,16 @@ def train(
     if model not in models:
         refuse(f"--model must be one of {', '.join(models)}, got {model!r}")
     from correction_node.models.dataset import load_data_set
+    from correction_node.models.own_runs import is_own, load_own_runs
     from correction_node.training.protocol import learn, verdict
     from correction_node.training.training import TrainingConfig
 
     console = result_console()
     with refused(FileNotFoundError, ValueError):
-        data_set = load_data_set(data)
+        data_set = load_own_runs(Path(data)) if is_own(Path(data)) else load_data_set(data)
+    if data_set.own:
+        _learn_own(data_set, out, force=force)
+        return
     if compare:
         _compare(data_set, steps)
         return
@@ -113,6 +118,30 @@ def train(
         soft_wrap=True,
     )
     console.print(learned.factor.card["selection"], soft_wrap=True)
+    console.print(f"Weights and card: {out}", soft_wrap=True)
+
+
+def _learn_own(data_set: DataSet, out: Path | None, *, force: bool) -> None:
+    from correction_node.models.weights import save_factor
+    from correction_node.training.protocol import learn_own
+
+    if out is None:
+        refuse("give --output: a folder for what is learned from own runs")
+    check_output_folder(out, "--output", force=force)
+    with busy("learning") as show:
+        learned = learn_own(data_set, lambda words: show(description=words))
+    with staged(out) as place:
+        save_factor(learned.factor, place)
+    console, card = result_console(), learned.factor.card
+    title = f"Mean error of a length, own runs '{data_set.name}', in %; a case is a run"
+    console.print(record_table(_TRAINED, learned.scores.items(), words=1, title=title))
+    by_cable = card["cable_left_out_pct"]
+    console.print(
+        f"{card['inside_90_run_left_out_pct']:.0f} % of the lengths of runs left out lie in their "
+        f"90 % intervals; cables: {', '.join(card['cables'])}"
+        + ("" if by_cable is None else f"; with each cable left out {by_cable:.2f} %"),
+        soft_wrap=True,
+    )
     console.print(f"Weights and card: {out}", soft_wrap=True)
 
 
