@@ -174,7 +174,7 @@ def run_record(
                 )
             ),
         ),
-        cable=last_cable(buffer, case),
+        cable=last_cable(buffer, case, wish),
         element=solver.element,
         rod=rod,
         notes=(
