@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -105,8 +104,8 @@ def layers_drawing(state: ViewState) -> str:
     control, lines, begins = state.control, lay_curves(state), state.control.layer_turns
     newest = int(np.searchsorted(begins, control.wanted.end / FULL_TURN))
     rings = control.faults[control.faults >= FULL_TURN * begins[max(newest - _LAYERS, 0)]]
-    found = [Curve(points=_points(rings, control.wanted.at(rings), every=True), style="is-fault")]
-    curves = [replace(rings, points=_around(rings.points), dots=True) for rings in found]
+    found = _points(rings, control.wanted.at(rings), every=True)
+    curves = [Curve(points=_around(found), style="is-fault", dots=True)]
     for layer in range(max(newest - _LAYERS, 0), min(newest, len(begins) - 1)):
         first, last = begins[layer], begins[layer + 1]
         style = f"layer-{layer % _LAYERS + 1}"

@@ -64,7 +64,7 @@ def _draw(
     theta = np.array(layer["theta_rad"])
     wanted = np.array(layer["wanted_z_m"])
     inside = (predicted.theta >= theta[0]) & (predicted.theta <= theta[-1])
-    lines = (
+    lines: tuple[tuple[Array, Array, dict[str, Any]], ...] = (
         (theta, wanted, {"color": FAINT, "linewidth": 4.0, "label": "wanted"}),
         (
             predicted.theta[inside],
@@ -75,11 +75,16 @@ def _draw(
     for angle, z, style in lines:
         axes.plot(*_unrolled(angle, z), **style)
     measured = np.array(layer["measured_z_m"], dtype=float)
-    dots = {"color": TRACKED, "marker": ".", "markersize": 4, "linestyle": ""}
+    dots: dict[str, Any] = {"color": TRACKED, "marker": ".", "markersize": 4, "linestyle": ""}
     axes.plot(*_unrolled(theta, measured), label="measured", **dots)
     found = [fault for fault in faults if fault["layer"] == layer["number"]]
     at = np.array([fault["theta"] for fault in found], dtype=float)
-    rings = {"marker": "o", "markersize": 11, "linestyle": "", "markerfacecolor": "none"}
+    rings: dict[str, Any] = {
+        "marker": "o",
+        "markersize": 11,
+        "linestyle": "",
+        "markerfacecolor": "none",
+    }
     axes.plot(
         *_unrolled(at, np.interp(at, theta, wanted)),
         color=PAPER,
