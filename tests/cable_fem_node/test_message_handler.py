@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +17,11 @@ from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.run_ahead import PIECE
 from cable_fem_node.winding.solid_winding import SolidWinding
+from winding_core.lay.guide_path import lay_of, layer_lag
+from winding_core.lay.layers import FULL_TURN
 from winding_core.machine.incoming_readings import LEAD_IN, has_moved
 from winding_core.machine.readings import AxisReading
-from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound
+from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound, wound_markers
 from winding_core.run_inputs import INPUT_DTYPE, RunInputs
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud
@@ -226,3 +229,90 @@ def test_run_after_a_replayed_one_begins_at_its_own_start(tmp_path: Path) -> Non
     assert successor.model is not None
     assert successor.model.time == 0.0
     assert not successor.following
+
+
+# Two turns a layer of a cable of 4 mm, wound in seconds.
+DRUM: dict[str, Any] = {"case": 9, "drum_width": 0.009, "flange": 0.02, "layers": 2}
+
+
+def filled_drum(**changes: Any) -> FemParameters:
+    wanted = FemParameters(**{**DRUM, **changes})
+    what = wanted.resolved()
+    end = float(wanted.wind(what.case, wanted.pitch or None).theta[-1])
+    # Just before the drum is full.
+    return replace(wanted, duration=what.drive.time_at_angle(end) - 0.01)
+
+
+@pytest.mark.slow
+def test_filled_drum_is_wound_ahead_in_layers_between_its_flanges() -> None:
+    wanted = filled_drum()
+    handler = FemHandler(wanted)
+    list(handler.ahead.wind_on())
+    model = handler.ahead.model
+    _, theta, z = model.wound_path()
+    cable = model.cable()[: theta.size]
+    d, first = handler.config.case.cable_diameter, handler.config.case.centreline_radius
+    raised = np.hypot(cable["x"], cable["y"]) - first
+    # Springs of flanges give way by less than a twentieth of a diameter.
+    assert z.min() > -0.05 * d
+    assert z.max() < DRUM["drum_width"] - d + 0.05 * d
+    # Cable on cable lies at most a diameter higher, and in no valley lower than one of 1.7 d.
+    upper = raised[theta > wanted.wind(handler.config.case, None).theta[-1] - 3.0]
+    assert 0.5 * d < np.median(upper) < 1.05 * d
+    # No cable lies on the first turn.
+    assert raised[theta < 6.0].max() < 0.05 * d
+    assert model.energy.balance_pct < 1.0
+
+
+def test_guide_of_a_filled_drum_begins_at_p0_and_lays_its_program() -> None:
+    wanted = filled_drum(winding="parallel", drum_width=0.03)
+    what = wanted.resolved()
+    wound = wanted.wind(what.case, None)
+    drive = wanted.ahead().drive
+    theta, guide = (np.asarray(part) for part in drive.positions(np.linspace(0.0, 30.0, 30_001)))
+    assert guide[0] == pytest.approx(0.0, abs=1.0e-9)
+    lag = layer_lag(
+        what.free_length / what.case.centreline_radius,
+        what.case.centreline_radius,
+        wound.program().raised_at(theta[1:]),
+    )
+    z = lay_of(theta, guide, lag)
+    # What is missing of the first turn decays with the lag of about a turn; corners are rounded.
+    late = (theta > 2.5 * FULL_TURN) & (theta < wound.theta[-1])
+    missed = np.abs(z - np.interp(theta, wound.theta, wound.z))[late]
+    assert missed.max() < 0.5 * what.case.cable_diameter
+    assert np.median(missed) < 0.1 * what.case.cable_diameter
+
+
+def test_marker_on_a_second_layer_stands_out_from_the_first() -> None:
+    markers = wound_markers(
+        ids=[0, 1],
+        theta=[0.0, 1.0],
+        z=[0.0, 0.0],
+        radius=0.03,
+        cylinder_angle=0.0,
+        raised=[0, 4e-3],
+    )
+    np.testing.assert_allclose(np.hypot(markers["x"], markers["y"]), [0.03, 0.034], rtol=1e-6)
+    assert markers["s"][1] == pytest.approx(0.03)
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"element": "solid"}, "the solid element lies on a bare cylinder: leave out the drum"),
+        ({"layers": 9}, "9 layers would pass the flanges"),
+        ({"flange": 0.0}, "flange is missing"),
+    ],
+)
+def test_drum_that_cannot_be_wound_live_is_refused(changes: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        FemParameters(**{**DRUM, **changes}).in_step()
+
+
+def test_run_whose_drive_programme_leaves_the_drum_is_predicted_on_a_bare_cylinder() -> None:
+    # Another lay is wanted then, which stays on it; the model in step has the flanges.
+    wanted = FemParameters(case=4, drum_width=0.03, flange=0.02)
+    assert wanted.ahead().config.drum is None
+    assert wanted.in_step().config.drum is not None
+    assert FemParameters(case=4, drum_width=0.2, flange=0.02).ahead().config.drum is not None

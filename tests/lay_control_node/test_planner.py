@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from lay_control_node.control.guide_law import WantedProgram
-from lay_control_node.planning.guide_path import guide_path, lay_of, within
 from lay_control_node.planning.lay_plan import CSV_COLUMNS, LayPlan, csv_text, plan_record
-from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.planner import plan_lay
-from lay_control_node.planning.smoothed_line import PEAK, smoothed_program
 from lay_control_node.programs import even_helix, with_markers_every_turn
 from lay_control_node.programs.gcode_reader import parse_gcode
 from lay_control_node.programs.yaml_reader import parse_yaml
 from winding_core.cable.condition import Condition
 from winding_core.helix import FleetAngleLaw
 from winding_core.lay.drum_winding import DrumWinding
+from winding_core.lay.guide_path import guide_path, lay_of, within
 from winding_core.lay.layers import WINDINGS
+from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.lay.smoothed_line import PEAK, smoothed_program
 from winding_core.machine.drum import Drum
 
 TURN = 2.0 * math.pi

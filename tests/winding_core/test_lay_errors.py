@@ -188,3 +188,18 @@ def test_run_without_errors_is_neither_good_nor_bad() -> None:
     assert verdict.good is None
     assert verdict.sentence.startswith("cannot be judged")
     assert verdict.as_json()["marker"] is None
+
+
+def test_cable_on_cable_is_wound_and_the_span_beside_it_is_not() -> None:
+    # Two turns, the second one on the first, and a span that leaves at the contact line.
+    theta, turned = np.linspace(0.0, 4.0 * math.pi, 400), 4.0 * math.pi
+    radius = np.where(theta < 2.0 * math.pi, 0.032, 0.0355)
+    span = np.linspace(0.01, 0.19, 20)
+    cable = np.zeros(theta.size + span.size, CABLE_DTYPE)
+    cable["x"] = np.append(radius * np.cos(turned - theta), np.full(span.size, 0.0355))
+    cable["y"] = np.append(radius * np.sin(turned - theta), -span)
+    cable["z"] = np.append(0.001 * theta, np.full(span.size, 1.0))
+    found, z = cable_lay(cable, turned, 0.032)
+    # Single precision of x and y.
+    np.testing.assert_allclose(found, theta, atol=1.0e-5)
+    assert z.max() < 0.02

@@ -22,6 +22,7 @@ from winding_core.cable.condition import Condition
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlMode, LayRecords
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, Markers, wound_markers
+from winding_core.status import Status
 from winding_dashboard.page import commands
 from winding_dashboard.page.templates import Templates
 from winding_dashboard.state.view_state import ViewState
@@ -33,6 +34,11 @@ SPEED = 1.74
 ADVANCE = 2.87e-3
 GUIDE_AHEAD = 0.033
 LAG = 0.2 / RADIUS
+# As of a drum with a gap in its second layer.
+LAYERS = Status(
+    name="lay_control",
+    values={"layer_turns": "[0.0, 2.0, 4.0, 900.0]", "layer_faults": '[{"theta": 20.0}]'},
+)
 MARKERS_APART, PERIOD = 4.65, 0.1
 
 
@@ -132,6 +138,7 @@ def main(port: int, *, standing: bool) -> None:
         while True:
             phase(state, "winding", ago=0.0)
             wound(state, Condition(duration=60.0))
+            state.control.note_statuses([LAYERS])
             note_run(state, 30.0 + 0.2 * (time.monotonic() - begin), graph.mode)
             state.tick(time.monotonic())
             await asyncio.sleep(PERIOD)

@@ -27,6 +27,23 @@ def test_panel_fits_and_nobody_complains(
     tab.page.close()
 
 
+def test_layers_of_a_drum_are_unrolled(controlled_page: Any, new_tab: Any, pictures: Path) -> None:
+    tab = new_tab("desk", controlled_page.url)
+    chart = tab.page.get_by_role("img", name="Unrolled surface of the drum by layer")
+    for layer in (1, 2, 3):
+        chart.locator(f".curve.layer-{layer}").first.wait_for(state="attached")
+        chart.locator(f".dots.layer-{layer}").first.wait_for(state="attached")
+    assert chart.locator(".is-fault").count() == 1
+    # No line goes back across the picture where a turn ends.
+    longest = chart.evaluate(
+        "svg => Math.max(...[...svg.querySelectorAll('.curve')].flatMap(path => {"
+        "const x = path.getAttribute('d').slice(1).split('L').map(p => +p.split(' ')[0]);"
+        "return x.slice(1).map((value, i) => x[i] - value)}))"
+    )
+    assert longest <= 0.0
+    chart.screenshot(path=str(pictures / "layers.png"))
+
+
 def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any, serving: Any) -> None:
     tab = new_tab("desk", controlled_page.url)
     tab.wait_for(DRAWN)

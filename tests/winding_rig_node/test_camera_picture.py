@@ -313,3 +313,29 @@ IMPOSSIBLE = [
 def test_impossible_descriptions_are_refused(make: Callable[[], object], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         make()
+
+
+def test_flange_hides_what_stands_behind_it_and_nothing_before_it() -> None:
+    # The camera stands beside the drum and looks at its near flange from outside.
+    height, ends = 0.012, (-0.002, 0.024)
+    bare = scene(angle=12.0, marker_theta=np.zeros(0), cylinder_ends=ends)
+    camera = replace(FINE, light=FLAT)
+    without, flanged = (
+        picture(camera, made).astype(int) for made in (bare, replace(bare, flange_height=height))
+    )
+    changed = np.argwhere(np.abs(without - flanged).max(axis=-1) > 1)
+    edge = np.array([[0.0, 0.0, 0.0]])
+    # The rim's silhouette ends where its tangent meets it, above and below, seen from x = 0.4175.
+    radius, away = 0.015 + height, camera.position[0]
+    tangent = radius * np.array([radius / away, math.sqrt(1.0 - (radius / away) ** 2)])
+    edge[0] = tangent[0], tangent[1], ends[0]
+    row = project_points(camera, edge)[0, 1]
+    assert changed[:, 0].max() == pytest.approx(row, abs=1.0)
+    # The near flange covers what lies behind the sight line over its edge, the far one covers
+    # nothing that stands on the cylinder.
+    sight = project_points(camera, np.array([[radius, 0.0, ends[1]], [0.015, 0.0, ends[0]]]))
+    middle = changed[np.abs(changed[:, 0] - camera.centre[1] + REACHED.y_offset) < 2.0]
+    near, far = middle[:, 1].max(), middle[:, 1].min()
+    assert far < sight[1, 0] < sight[0, 0] < near
+    between = middle[(middle[:, 1] > sight[1, 0] + 1.0) & (middle[:, 1] < sight[0, 0] - 1.0)]
+    assert between.size == 0

@@ -72,7 +72,7 @@ class CableFemNode(ManagedNode[FemParameters]):
         self._ahead = PredictionTask(self._handler.ahead, now)
         self._live = LiveMaterial(
             self._handler.config,
-            wanted.resolved().drive,
+            self._handler.drive,
             wanted.duration,
             take_up=wanted.take_up_material,
         )

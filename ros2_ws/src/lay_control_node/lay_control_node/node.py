@@ -105,6 +105,7 @@ class LayControlNode(ManagedNode[LayControlParameters]):
                 "layer": str(layer.number),
                 "turn_of_layer": f"{newest.theta / FULL_TURN - layer.first_turn + 1.0:.2f}",
                 "measured_share_of_layer": f"{share:.2f}",
+                "layer_turns": json.dumps(watch.layer_turns),
                 "newest_layer_fault": faults[-1].sentence if faults else "",
                 "layer_faults": json.dumps([fault.record() for fault in faults[-_SHOWN_FAULTS:]]),
             }

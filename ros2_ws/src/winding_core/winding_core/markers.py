@@ -65,6 +65,7 @@ def wound_markers(
     sigma_theta: ArrayLike = 0.0,
     sigma_z: ArrayLike = 0.0,
     flags: ArrayLike = 0,
+    raised: ArrayLike = 0.0,
 ) -> Markers:
     """Return marker records for cable wound at a centreline radius.
 
@@ -81,13 +82,15 @@ def wound_markers(
         sigma_theta: One standard deviation of theta [rad].
         sigma_z: One standard deviation of z [m].
         flags: MarkerFlag bits.
+        raised: Height above that radius of cable that lies on cable [m]; it moves x and y alone.
     """
     theta = np.asarray(theta, dtype=float)
     records = np.zeros(theta.shape, dtype=MARKER_DTYPE)
     azimuth = cylinder_angle - theta
     records["id"] = ids
-    records["x"] = radius * np.cos(azimuth)
-    records["y"] = radius * np.sin(azimuth)
+    outer = radius + np.asarray(raised)
+    records["x"] = outer * np.cos(azimuth)
+    records["y"] = outer * np.sin(azimuth)
     records["z"] = z
     records["r"] = radius
     records["theta"] = theta

@@ -48,6 +48,7 @@ class FemHandler:
 
     Attributes:
         config: The rod's model that every run begins with.
+        drive: How the machine is to move.
         slowness: Why the solver may fall behind the machine; empty where it keeps up.
         ahead: The run as planned, wound ahead.
         model: The cable of this run; None before `begin`.
@@ -69,7 +70,7 @@ class FemHandler:
         self._follow_tension = wanted.follow_tension
         self._pairing = self._new_pairing()
         run = wanted.in_step()
-        drive = run.drive
+        self.drive = drive = run.drive
         self._limits = ReadingLimits(
             weight=self.config.case.weight,
             angular_speed=drive.angular_speed,
@@ -80,7 +81,7 @@ class FemHandler:
         self._ahead_elsewhere = ahead_elsewhere
         self.slowness = falling_behind(run, time.thread_time) if wanted.element == "rod" else ""
         self._unwound = run.model()
-        self.ahead = RunAhead.of(wanted.of_rod().in_step())
+        self.ahead = RunAhead.of(wanted.ahead())
         self.ahead.wind_piece(self._going, FIRST_STEPS)
         self._replay = Path(wanted.replay) if wanted.replay else None
         self.replayed: float | None = None

@@ -166,11 +166,11 @@ class RodWinding(WindingModel):
         case = self.config.case
         if resting.row(resting_cable.ARC)[-1] >= case.marker_count * case.marker_spacing:
             s, theta, z = (resting.row(row) for row in resting_cable.PATH)
-            return self._marker_records(s, theta, z, math.inf)
+            return self._marker_records(s, theta, z, math.inf, self._raised(resting.count))
         s, theta, z = self._nodes.path()
         first = resting.count - 1
         wound_to = float(s[self._laid_nodes() - 1])
-        records = self._marker_records(s, theta, z, wound_to)
+        records = self._marker_records(s, theta, z, wound_to, self._raised(self.nodes))
         self._place_loose(records, s[first:], self._nodes.position)
         return records
 
@@ -407,6 +407,14 @@ class RodWinding(WindingModel):
 
     def _kinetic(self, cable: Points, end: int) -> float:
         return kinetic_energy(cable, self.config.resolved, end)
+
+    def _raised(self, nodes: int) -> FloatArray | None:
+        """Return how high the first nodes lie above a first layer [m]; None without a drum."""
+        if self.config.drum is None:
+            return None
+        both = [self._nodes.resting.place(), self._nodes.position[:, 1:]]
+        x, y, _ = np.concatenate(both, axis=1)[:, :nodes]
+        return np.asarray(np.maximum(np.hypot(x, y) - self.config.case.centreline_radius, 0.0))
 
     def _laid_nodes(self) -> int:
         return self._nodes.resting.count - 1 + self._nodes.laid()

@@ -192,9 +192,17 @@ class WindingModel(ABC):
             records[name][loose] = np.interp(place, arc, values)
 
     def _marker_records(
-        self, arc: FloatArray, theta: FloatArray, z: FloatArray, wound_to: float
+        self,
+        arc: FloatArray,
+        theta: FloatArray,
+        z: FloatArray,
+        wound_to: float,
+        raised: FloatArray | None = None,
     ) -> Markers:
-        """Return the records of markers on cable at arc [m], theta [rad], z [m], laid to an arc."""
+        """Return the records of markers on cable at arc [m], theta [rad], z [m], laid to an arc.
+
+        On layers they stand out as far as the cable is raised there [m].
+        """
         case = self.config.case
         ids = np.arange(case.marker_count + 1)
         place = ids * case.marker_spacing
@@ -203,6 +211,7 @@ class WindingModel(ABC):
             theta=np.interp(place, arc, theta),
             z=np.interp(place, arc, z),
             radius=case.centreline_radius,
+            raised=0.0 if raised is None else np.interp(place, arc, raised),
             cylinder_angle=self.cylinder_angle,
             flags=np.where(place > wound_to, int(MarkerFlag.NOT_WOUND), 0),
         )

@@ -13,16 +13,14 @@ from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.layer_watch import LayerWatch
 from lay_control_node.control.stretch_filter import StretchFilter, StretchFilterConfig
 from lay_control_node.planning.lay_on import LayOnLaw
-from lay_control_node.planning.limits import PlanLimits
-from lay_control_node.planning.rounding import OF_FRICTION
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.layers import HEIGHT_TOLERANCE, WoundDrum
+from winding_core.lay.limits import GuideBounds
 from winding_core.lay.records import ControlMode
+from winding_core.lay.rounding import OF_FRICTION
 from winding_core.machine.tension import RigTension
 from winding_core.parameters import parameter
 
-# Nothing but the drive limits the jerk: full acceleration within so long [s].
-_JERK_TIME = 1.0e-3
 # Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
 _PULL_CHANGE = 1.4
 # A measured height that is off by this part of the pitch may be another turn's.
@@ -32,7 +30,7 @@ _LEAST_FRICTION = 0.02
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlParameters:
+class ControlParameters(GuideBounds):
     """How the lay is controlled: priors of the estimates, and bounds of the commands."""
 
     control_gain: float = parameter(
@@ -78,42 +76,15 @@ class ControlParameters:
         low=0.001,
         high=1.0,
     )
-    guide_speed_limit: float = parameter(
-        0.08, "largest speed that is commanded of the carriage [m/s]", low=1.0e-4, high=2.0
-    )
-    guide_acceleration_limit: float = parameter(
-        0.5, "largest acceleration that is commanded of the carriage [m/s^2]", low=0.01, high=20.0
-    )
     following_error: float = parameter(
         0.02,
         "how far the setpoint goes ahead of a carriage that does not follow [m]",
         low=1.0e-3,
         high=1.0,
     )
-    guide_travel: list[float] = parameter(
-        [-0.1, 1.0], "start and end of the travel that is commanded [m]", low=-10.0, high=10.0
-    )
     pull_range: list[float] = parameter(
         [0.3, 1.5], "smallest and largest pull, as shares of the weight", low=0.01, high=20.0
     )
-
-    def limits(self, what: ResolvedCondition) -> PlanLimits:
-        """Return the limits that a program is rounded for.
-
-        Raises:
-            ValueError: The travel ends before it begins, or does not hold 0.
-        """
-        drive, acceleration = what.drive, self.guide_acceleration_limit
-        return PlanLimits(
-            cylinder_speed=drive.angular_speed,
-            cylinder_acceleration=drive.angular_speed / max(drive.ramp_time, _JERK_TIME),
-            carriage_speed=self.guide_speed_limit,
-            carriage_acceleration=acceleration,
-            carriage_jerk=acceleration / _JERK_TIME,
-            travel=(self.guide_travel[0], self.guide_travel[1]),
-            brake=None,
-            brake_time=0.0,
-        )
 
     def controller(
         self,

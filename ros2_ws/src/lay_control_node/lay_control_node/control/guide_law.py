@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lay_control_node.control.lay_filter import LayEstimate
-from lay_control_node.planning.guide_path import guide_path, layer_lag, within
-from lay_control_node.planning.limits import PlanLimits
-from lay_control_node.planning.rounding import needed_width, width_without_slip
-from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
+from winding_core.lay.rounding import rounded_for
+from winding_core.lay.smoothed_line import SmoothedLine
 
 Array = NDArray[np.float64]
 
@@ -132,13 +131,7 @@ class WantedProgram:
         Raises:
             LayProgramError: Layers would reach the guide.
         """
-        rho = what.case.centreline_radius
-        lag = layer_lag(what.free_length / rho, rho, program.raised[:-1])
-        path = within(guide_path(program, lag, 0.0), *limits.travel)
-        width = needed_width(path, what.drive.angular_speed, limits)
-        line = smoothed_program(program, width)
-        held = width_without_slip(line, what.case.centreline_radius, what.friction)
-        line = replace(line, width=max(width, held))
+        line = rounded_for(program, what, limits)
         return cls(program=program, line=line, diameter=what.case.cable_diameter)
 
     def at(self, theta: float) -> WantedPoint:

@@ -95,6 +95,12 @@ class LayerWatch:
         """Return the layer that is planned at a wound angle [rad]."""
         return self._wound.layers[int(self._layers[self._place(theta)]) - 1]
 
+    @property
+    def layer_turns(self) -> list[float]:
+        """Turns behind P0 at which each layer begins, and the last one ends."""
+        layers = self._wound.layers
+        return [*(layer.first_turn for layer in layers), layers[-1].last_turn]
+
     def measured_share(self, layer: int) -> float:
         """Return the share of a layer's landed places that was measured; nan before any."""
         landed = (self._layers == layer) & np.isfinite(self._z)

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.marker_pulls import MarkerLanding, PullPlan, Track
 from lay_control_node.planning.motion import Motion
-from lay_control_node.planning.rounding import Corner
 from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
+from winding_core.lay.rounding import Corner
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.limits import PlanLimits
-from lay_control_node.planning.rounding import SAMPLES, USED
-from lay_control_node.planning.smoothed_line import SmoothedLine
+from winding_core.lay.limits import PlanLimits
+from winding_core.lay.rounding import SAMPLES, USED
+from winding_core.lay.smoothed_line import SmoothedLine
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lay_control_node.planning.smoothed_line import SmoothedLine, smoothed_program
 from lay_control_node.programs.feasibility import crossings
+from winding_core.lay.smoothed_line import SmoothedLine, smoothed_program
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:

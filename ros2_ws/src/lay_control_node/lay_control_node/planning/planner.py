@@ -7,14 +7,17 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.guide_path import guide_path, lay_of, layer_lag, within
 from lay_control_node.planning.lay_on import StretchedCable
 from lay_control_node.planning.lay_plan import LayPlan
-from lay_control_node.planning.limits import PlanLimits
 from lay_control_node.planning.marker_pulls import PullPlan, PullPlanner, Track
 from lay_control_node.planning.motion import motion_along
 from lay_control_node.planning.out_of_reach import sentences_of
-from lay_control_node.planning.rounding import (
+from lay_control_node.programs.feasibility import refuse_beyond, refuse_overlap
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.guide_path import guide_path, lay_of, layer_lag, within
+from winding_core.lay.limits import PlanLimits
+from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.lay.rounding import (
     USED,
     corners,
     demands,
@@ -22,10 +25,7 @@ from lay_control_node.planning.rounding import (
     width_within,
     width_without_slip,
 )
-from lay_control_node.planning.smoothed_line import smoothed_program
-from lay_control_node.programs.feasibility import refuse_beyond, refuse_overlap
-from winding_core.cable.condition import ResolvedCondition
-from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.lay.smoothed_line import smoothed_program
 
 Array = NDArray[np.float64]
 

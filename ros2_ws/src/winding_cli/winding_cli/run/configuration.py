@@ -12,8 +12,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.terminal.output_path import (
     STANDARD_OUTPUT,
@@ -30,10 +28,6 @@ from winding_core.run_spec import RunSpec
 if TYPE_CHECKING:
     from winding_supervisor.machines.external_machine import ExternalMachineConfig
     from winding_supervisor.session.run_config import RunConfig
-
-
-# Places of a run's motion at which it is held against the drum.
-_SAMPLES = 20_001
 
 
 def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
@@ -135,15 +129,14 @@ def lead_of(spec: RunSpec) -> float:
 
 def _check_drum(spec: RunSpec) -> None:
     """Refuse a motion that would lay cable beside the drum; that of a real machine is its own."""
-    from lay_control_node.planning.guide_path import lay_of
     from lay_control_node.ros.parameters import LayControlParameters
+    from winding_core.lay.guide_path import lay_of_drive
 
     what = spec.condition.resolved()
     drum, driving = spec.drum.drum(what.case), spec.controlled and spec.lay.control == "drive"
     if drum is None or (spec.external and not driving):
         return
-    theta, guide = what.drive.positions(np.linspace(0.0, what.duration, _SAMPLES))
-    z = lay_of(theta, guide, what.free_length / what.case.centreline_radius)
+    theta, z = lay_of_drive(what)
     if driving:
         values = {**asdict(spec.condition), **spec.wish}
         program = build(LayControlParameters, values, owner="winding run").wanted(what)

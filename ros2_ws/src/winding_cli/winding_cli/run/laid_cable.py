@@ -12,6 +12,7 @@ import numpy as np
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
+from winding_core.lay.drum_parameters import DrumShape
 from winding_core.lay.layers import WoundDrum
 from winding_core.lay.records import (
     LAY_CONTROL_DTYPE,
@@ -21,7 +22,7 @@ from winding_core.lay.records import (
     cable_lay,
 )
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
-from winding_core.parameters import Value, build
+from winding_core.parameters import Value, build, declared_in
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_reports.records.drum_outcome import drum_outcome
 from winding_reports.records.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
@@ -134,7 +135,7 @@ def _wanted(condition: Condition, wish: Mapping[str, Value]) -> LayControlParame
     return wanted
 
 
-def last_cable(buffer: RunBuffer, case: Case) -> WoundCable | None:
+def last_cable(buffer: RunBuffer, case: Case, wish: Mapping[str, Value]) -> WoundCable | None:
     """Return the cable as the solver published it last; None where it published none.
 
     Of a long run that is the span and the newest turns.
@@ -155,4 +156,5 @@ def last_cable(buffer: RunBuffer, case: Case) -> WoundCable | None:
         nodes=np.column_stack([records[axis][keep] for axis in "xyz"]).astype(float),
         strain=records["strain"][keep].astype(float),
         marks=marks,
+        drum=DrumShape(**declared_in(DrumShape, wish)).drum(case),
     )

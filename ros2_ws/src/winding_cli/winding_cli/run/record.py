@@ -175,7 +175,7 @@ def run_record(
                 )
             ),
         ),
-        cable=last_cable(buffer, case),
+        cable=last_cable(buffer, case, wish),
         material=_material(buffer),
         element=solver.element,
         rod=rod,

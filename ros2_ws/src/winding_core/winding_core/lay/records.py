@@ -96,8 +96,8 @@ LayControlRecords = NDArray[np.void]
 
 Array = NDArray[np.float64]
 
-# A bent cable stands off by less, and the free span leaves the cylinder within a few degrees.
-_WOUND = 1.02
+# The free span leaves the cylinder within so much of its radius.
+_SHORT = 0.2
 
 
 def cable_lay(cable: NDArray[np.void], cylinder_angle: float, radius: float) -> tuple[Array, Array]:
@@ -109,10 +109,11 @@ def cable_lay(cable: NDArray[np.void], cylinder_angle: float, radius: float) -> 
         radius: Centreline radius R + r [m].
     """
     x, y, z = (cable[name].astype(float) for name in "xyz")
-    wound = np.flatnonzero(np.hypot(x, y) < _WOUND * radius)
-    if not wound.size:
+    # The span, behind the contact line on the side of the guide, comes last in the cable.
+    landed = np.flatnonzero((y > -_SHORT * radius) & (x > 0.0))
+    if not landed.size:
         return np.zeros(0), np.zeros(0)
-    wound = np.arange(wound[0], wound[-1] + 1)
+    wound = np.arange(landed[-1] + 1)
     azimuth = np.arctan2(y[wound], x[wound])
     # The newest node lies near the contact line, at azimuth 0; the others follow from it.
     turned = np.unwrap(azimuth)

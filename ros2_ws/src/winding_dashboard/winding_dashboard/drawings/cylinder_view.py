@@ -29,8 +29,8 @@ SIZE = (660.0, 250.0)
 _MARGIN = 18.0
 # Dots of the cable that have one colour.
 _PIECE = 6
-# Farther from the surface than this many cable radii is the free span, which nothing hides.
-_SPAN = 3.0
+# The free span, which nothing hides, leaves the cylinder within so much of its radius.
+_SHORT = 0.2
 _LEAST_WIDTH, _LEAST_DOT = 1.6, 3.5
 
 
@@ -177,9 +177,9 @@ class _Drawing:
         if shape is None:
             return "", ""
         pixels = self._pixels(shape.points)
-        outside = np.linalg.norm(shape.points[:, :2], axis=1) > (
-            self._radius + _SPAN * self._state.cable_radius
-        )
+        x, y, _ = shape.points.T
+        landed = np.flatnonzero((y > -_SHORT * self._radius) & (x > 0.0))
+        outside = np.arange(x.size) > landed.max(initial=-1)
         before = self._near(shape.points) | outside
         width = max(2.0 * self._state.cable_radius * self._scale, _LEAST_WIDTH)
         sides = {True: "", False: ""}

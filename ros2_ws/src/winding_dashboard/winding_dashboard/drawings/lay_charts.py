@@ -18,6 +18,8 @@ Points = list[list[float | None]]
 
 # The newest turns are drawn, and of each so many points at most.
 TURNS, _POINTS_OF_A_TURN = 12, 36
+# Of a drum so many layers are drawn.
+_LAYERS = 3
 # The upper vertical axis holds at least this [mm], the lower one this in tolerances.
 _LEAST_Z, _SEEN_TOLERANCES = 5.0, 1.2
 _NOISE = 0.1
@@ -92,6 +94,34 @@ def control_drawings(state: ViewState, tolerance: float) -> dict[str, str]:
             bands=[Band(x=(begin, last), y=(-limit, limit))] if begin < last else [],
         ),
     }
+
+
+def layers_drawing(state: ViewState) -> str:
+    """Return the newest layers on a drum unrolled: z, mm, over the angle around the drum.
+
+    Colours take turns from layer to layer; rings are where something is wrong.
+    """
+    control, lines, begins = state.control, lay_curves(state), state.control.layer_turns
+    newest = int(np.searchsorted(begins, control.wanted.end / FULL_TURN))
+    rings = control.faults[control.faults >= FULL_TURN * begins[max(newest - _LAYERS, 0)]]
+    found = _points(rings, control.wanted.at(rings), every=True)
+    curves = [Curve(points=_around(found), style="is-fault", dots=True)]
+    for layer in range(max(newest - _LAYERS, 0), min(newest, len(begins) - 1)):
+        first, last = begins[layer], begins[layer + 1]
+        style = f"layer-{layer % _LAYERS + 1}"
+        for name, how in (("wanted", " dashed"), ("predicted", " thin"), ("measured", "")):
+            own = [point for point in lines[name] if first <= (point[0] or 0.0) < last]
+            for turn in sorted({math.floor(point[0] or 0.0) for point in own}):
+                part = [point for point in own if math.floor(point[0] or 0.0) == turn]
+                curves.append(
+                    Curve(points=_around(part), style=style + how, dots=name == "measured")
+                )
+    return chart(curves, Ends(0.0, 360.0, 90.0), ends_of(curves, _LEAST_Z), size=_UPPER, unit="°")
+
+
+def _around(points: Points) -> Points:
+    """Return points over turns over the angle around the drum [deg]."""
+    return [[360.0 * ((turn or 0.0) % 1.0), z] for turn, z in points]
 
 
 def lay_curves(state: ViewState) -> dict[str, Points]:

@@ -20,7 +20,12 @@ from winding_core.parameters import shown_values
 from winding_core.run_options import OperatorLimits
 from winding_dashboard.drawings.camera_overlay import camera_overlay, measured_count
 from winding_dashboard.drawings.cylinder_view import Sight, cylinder_drawing, tension_ends
-from winding_dashboard.drawings.lay_charts import control_drawings, defect_sentence, lay_drawing
+from winding_dashboard.drawings.lay_charts import (
+    control_drawings,
+    defect_sentence,
+    lay_drawing,
+    layers_drawing,
+)
 from winding_dashboard.drawings.run_charts import length_drawing, speed_drawings
 from winding_dashboard.page import commands
 from winding_dashboard.page.band import band
@@ -177,6 +182,8 @@ class Snapshots:
         if state.control.known:
             turns = turn_errors(state.lay, state.control.wanted)[-_NEWEST_TURNS:]
             parts |= control_drawings(state, tolerance)
+            if state.control.layer_turns:
+                parts["chart-layers"] = layers_drawing(state)
             parts["turns"] = self.render(
                 "turns",
                 {"turns": turns, "tolerance": tolerance, "facts": beliefs(state.control)},
@@ -223,6 +230,7 @@ class Snapshots:
         return {
             "recording": not state.recording(now).get("bag"),
             "control-card": not control,
+            "layers": not state.control.layer_turns,
             "helix-card": control or not len(state.lay),
             "runs-card": self.runs.folder is None,
             "recipe-row": self.runs.folder is None or bool(state.player),

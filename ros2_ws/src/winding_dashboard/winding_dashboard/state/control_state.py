@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections import deque
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from winding_core.lay.errors import WantedLine
 from winding_core.lay.records import ControlBasis, ControlMode, LayControlRecords
 from winding_core.status import Status
 from winding_dashboard.state.health import node_of
+
+Array = NDArray[np.float64]
 
 LAY_CONTROL = "lay_control"
 NAN = float("nan")
@@ -81,6 +85,17 @@ class ControlState:
         if self._line is None:
             self._line = WantedLine.of(*np.array(self._wanted).reshape(-1, 2).T)
         return self._line
+
+    @property
+    def layer_turns(self) -> list[float]:
+        """Turns behind P0 at which each layer of a drum begins and the last ends; else none."""
+        return [float(turn) for turn in json.loads(self.values.get("layer_turns", "[]"))]
+
+    @property
+    def faults(self) -> Array:
+        """Wound angles of gaps, climbs and missing edge turns that were found last [rad], (n,)."""
+        found = json.loads(self.values.get("layer_faults", "[]"))
+        return np.array([fault["theta"] for fault in found], dtype=float)
 
     @property
     def basis(self) -> ControlBasis | None:

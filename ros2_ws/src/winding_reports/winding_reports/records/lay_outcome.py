@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.guide_path import lay_of
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.errors import (
     FIRST_JUDGED,
@@ -21,6 +20,7 @@ from winding_core.lay.errors import (
     judge,
     turn_errors,
 )
+from winding_core.lay.guide_path import lay_of
 from winding_core.lay.records import (
     LAY_DTYPE,
     ControlBasis,

@@ -16,6 +16,7 @@ from winding_core.cable.cases import Case, PublishedMarker, published_markers
 from winding_core.cable.material_report import MaterialReport
 from winding_core.error_verdict import ErrorVerdict, error_pct
 from winding_core.machine.drive import DriveProfile
+from winding_core.machine.drum import Drum
 from winding_core.run_outcome import RunOutcome
 from winding_reports.records.identity import Identity
 from winding_reports.records.lay_outcome import LayOutcome, outcome_json
@@ -39,6 +40,7 @@ class WoundCable:
     nodes: NDArray[np.float64] = field(compare=False, repr=False)
     strain: NDArray[np.float64] = field(compare=False, repr=False)
     marks: Mapping[int, tuple[float, float]]
+    drum: Drum | None = None  # Between whose flanges it lies; None for a bare cylinder
 
     def __post_init__(self) -> None:
         if self.nodes.shape != (len(self.strain), 3) or len(self.strain) < 2:
@@ -47,10 +49,10 @@ class WoundCable:
     @property
     def wound_strain(self) -> NDArray[np.float64]:
         """Strain of what lies on the cylinder, shape (k,)."""
-        distance = np.hypot(self.nodes[:, 0], self.nodes[:, 1])
-        loose = distance > 1.02 * self.case.centreline_radius
-        wound = int(np.argmax(loose)) if loose.any() else len(loose)
-        return self.strain[1 : max(2, wound)]
+        x, y, _ = self.nodes.T
+        # The span comes last, on the side of the guide.
+        landed = np.flatnonzero((y > -0.2 * self.case.centreline_radius) & (x > 0.0))
+        return self.strain[1 : max(2, int(landed[-1]) + 1 if landed.size else 0)]
 
 
 @dataclass(frozen=True, kw_only=True)

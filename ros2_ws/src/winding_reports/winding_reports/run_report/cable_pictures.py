@@ -12,7 +12,7 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from winding_core.units import MILLIMETRE
-from winding_reports.documents.picture import INK, PALE, Picture, canvas, picture
+from winding_reports.documents.picture import FAINT, INK, PALE, Picture, canvas, picture
 from winding_reports.records.run_record import WoundCable
 
 Array = NDArray[np.float64]
@@ -25,6 +25,7 @@ _FINE = 6
 _SPAN_MM = 26.0
 _MARGIN_MM = 8.0
 _ABOVE_MM = 14.0
+_FLANGE_MM = 3.0
 # Of the drawing; three cables of 110 mm fill the width of a page.
 _MM_PER_INCH = 40.0
 _COLUMNS = 3
@@ -85,7 +86,15 @@ def _picture(cables: list[WoundCable], title: str, caption: str) -> Picture:
 
 def _height_mm(cable: WoundCable) -> float:
     """Height of what is drawn of a cable."""
-    return cable.case.cylinder_diameter / MILLIMETRE + _SPAN_MM + _ABOVE_MM
+    low, high = _reach_mm(cable)
+    return high - low
+
+
+def _reach_mm(cable: WoundCable) -> tuple[float, float]:
+    """Lower and upper end of what is drawn of a cable."""
+    radius, flange = cable.case.cylinder_radius / MILLIMETRE, _MARGIN_MM
+    flange += 0.0 if cable.drum is None else cable.drum.flange_height / MILLIMETRE
+    return -radius - max(_SPAN_MM, flange), radius + max(_ABOVE_MM, flange)
 
 
 def _draw(axes: Axes, cable: WoundCable, scale: Normalize) -> PolyCollection:
@@ -105,6 +114,14 @@ def _draw(axes: Axes, cable: WoundCable, scale: Normalize) -> PolyCollection:
             zorder=2,
         )
     )
+    if cable.drum is not None:
+        ends = np.array(cable.drum.centre_lines(case.cable_diameter)) / MILLIMETRE
+        begin = cable.nodes[0, 2] / MILLIMETRE if 0 in cable.marks else 0.0
+        outer = cable.drum.flange_radius / MILLIMETRE
+        for left in (begin + ends[0] - 0.5 * width - _FLANGE_MM, begin + ends[1] + 0.5 * width):
+            flange = Rectangle((left, -outer), _FLANGE_MM, 2.0 * outer, color=FAINT, zorder=2)
+            axes.add_patch(flange)
+        long = max(long, float(begin + ends[1]) + _MARGIN_MM)
     edges = _edges(z, y, 0.5 * width)
     front = x[:-1] + x[1:] >= 0.0
     drawn = _ribbon(axes, edges, strain, ~front, scale, alpha=0.4, zorder=1)
@@ -112,7 +129,7 @@ def _draw(axes: Axes, cable: WoundCable, scale: Normalize) -> PolyCollection:
     _markers(axes, cable)
     axes.set_aspect("equal")
     axes.set_xlim(-_MARGIN_MM, long)
-    axes.set_ylim(-radius - _SPAN_MM, radius + _ABOVE_MM)
+    axes.set_ylim(*_reach_mm(cable))
     axes.grid(visible=False)
     axes.set_yticks([])
     axes.tick_params(labelsize=7.0)

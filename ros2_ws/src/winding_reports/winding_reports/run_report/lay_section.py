@@ -27,6 +27,7 @@ from winding_reports.documents.picture import (
     thinned,
 )
 from winding_reports.records.lay_outcome import LayOutcome
+from winding_reports.run_report.layers_picture import layers_picture
 
 _BASES = {
     ControlBasis.MEASURED: "the measured lay",
@@ -69,7 +70,11 @@ def lay_section(lay: LayOutcome) -> LaySection:
             ]
             for landing in lay.landings
         ],
-        pictures=[outcome_picture(lay), *([turns_picture(lay)] if lay.turns else [])],
+        pictures=[
+            outcome_picture(lay),
+            *([turns_picture(lay)] if lay.turns else []),
+            *([] if lay.drum is None else [layers_picture(lay.drum, lay.predicted)]),
+        ],
     )
 
 

@@ -1,8 +1,9 @@
-"""What never moves in the picture: cylinder and backdrop."""
+"""What never moves in the picture: cylinder with its flanges, and backdrop."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +16,16 @@ from winding_rig_node.camera.scene import Paint, Surroundings
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
+# Thickness of a flange [m].
+_FLANGE = 3.0e-3
+
 
 @dataclass(frozen=True, kw_only=True)
 class StaticView:
     """The still part of the picture of one cylinder.
 
     Attributes:
-        inverse_depth: Of the cylinder at each sample [1/m], zero beside it,
+        inverse_depth: Of the cylinder, or a flange before it, at each sample [1/m], zero beside it,
             shape (rows * s, columns * s).
     """
 
@@ -34,6 +38,7 @@ def static_view(
     config: CameraConfig,
     radius: float,
     ends: tuple[float, float],
+    flange: float,
     paint: Paint,
     surroundings: Surroundings,
 ) -> StaticView:
@@ -43,6 +48,7 @@ def static_view(
         config: The camera.
         radius: Of the cylinder [m].
         ends: Axial ends of the cylinder [m].
+        flange: Height of the flanges beyond its ends [m]; 0 for none.
         paint: Colours.
         surroundings: What stands behind.
     """
@@ -60,6 +66,10 @@ def static_view(
         rays = sample_rays(config, top, bottom)
         ranges.append(_extremes(rays))
         depth, normal, along = _cylinder_hit(config, rays, radius, ends)
+        if flange > 0.0:
+            for hit in _flange_hits(config, rays, radius + flange, ends):
+                nearer = hit[0] < np.where(np.isnan(depth), np.inf, depth)
+                depth[nearer], normal[nearer], along[nearer] = (part[nearer] for part in hit)
         colour = _cylinder_colour(config, normal, along, paint)
         beside = np.isnan(depth)
         colour[beside] = 0.0
@@ -97,6 +107,21 @@ def _cylinder_hit(
     depth[outside] = np.nan
     normal = np.stack([x + depth * rays[..., 0], y + depth * rays[..., 1]], axis=-1) / radius
     return depth, normal, along
+
+
+def _flange_hits(
+    config: CameraConfig, rays: FloatArray, radius: float, ends: tuple[float, float]
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Yield where rays hit the rims and the faces of flanges, as `_cylinder_hit`."""
+    for inner, outer in zip(ends, (ends[0] - _FLANGE, ends[1] + _FLANGE), strict=True):
+        yield _cylinder_hit(config, rays, radius, (min(inner, outer), max(inner, outer)))
+        for face in (inner, outer):
+            with np.errstate(divide="ignore"):
+                depth = (face - config.position[2]) / rays[..., 2]
+            x, y = (config.position[i] + depth * rays[..., i] for i in (0, 1))
+            depth = np.where((depth > 0.0) & (x * x + y * y < radius**2), depth, np.nan)
+            # A face is lit by what comes from everywhere alone.
+            yield depth, np.zeros((*depth.shape, 2)), np.full_like(depth, face)
 
 
 def _cylinder_colour(

@@ -60,7 +60,7 @@ class Renderer:
         )
         self._radiance = np.zeros((rows, columns, 3), dtype=np.float32)
         self._drawn: StaticView | None = None
-        self._views: dict[tuple[float, tuple[float, float], Paint], StaticView] = {}
+        self._views: dict[tuple[float, tuple[float, float], float, Paint], StaticView] = {}
 
     def render(self, scene: Scene, rng: np.random.Generator) -> ByteArray:
         """Return the frame of a scene, uint8 of shape (rows, columns, 3), blue-green-red.
@@ -121,7 +121,7 @@ class Renderer:
         return np.asarray(total / np.float32(config.exposure_samples), dtype=np.float32)
 
     def _view(self, scene: Scene) -> StaticView:
-        key = (scene.cylinder_radius, scene.cylinder_ends, scene.paint)
+        key = (scene.cylinder_radius, scene.cylinder_ends, scene.flange_height, scene.paint)
         if key not in self._views:
             self._views[key] = static_view(self.config, *key, self.surroundings)
         return self._views[key]

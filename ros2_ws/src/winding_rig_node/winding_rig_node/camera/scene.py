@@ -74,6 +74,7 @@ class Scene:
     torsion: FloatArray | float = 0.0
     tail_angle: float = 0.5  # Cable clamped behind P0, opposite to the winding sense [rad]
     cylinder_ends: tuple[float, float] = (-0.018, 0.118)  # Axial ends of the cylinder [m]
+    flange_height: float = 0.0  # Of flanges beyond these ends over the cylinder [m]; 0 for none
     cylinder_speed: float = 0.0  # Turning speed [rad/s], for motion blur only
     paint: Paint = field(default_factory=Paint)  # Colours
 

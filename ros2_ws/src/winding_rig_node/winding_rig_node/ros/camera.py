@@ -83,7 +83,7 @@ class Camera:
         self._case: Case = wanted.resolved().case
         self._lay = lay
         drum, thickness = wanted.drum(self._case), self._case.cable_radius
-        self._ends = Scene.cylinder_ends
+        self._ends, self._flange = Scene.cylinder_ends, 0.0 if drum is None else drum.flange_height
         if drum is not None:
             low, high = drum.centre_lines(self._case.cable_diameter)
             self._ends = low - thickness, high + thickness
@@ -175,6 +175,7 @@ class Camera:
                 guide_z=seen.guide_z,
                 free_length=seen.free_length,
                 cylinder_ends=self._ends,
+                flange_height=self._flange,
                 band_width=self._wanted.band_width,
                 dot_size=self._wanted.dot_size if self._wanted.marker_kind == DOT else 0.0,
                 paint=self._paint,

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from lay_control_node.planning.lay_on import StretchedCable
 from lay_control_node.planning.lay_plan import LayPlan
-from lay_control_node.planning.limits import PlanLimits
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.drum_parameters import DrumParameters
 from winding_core.lay.layers import WoundDrum
+from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
 from winding_core.machine.drum import DrumError
 from winding_core.parameters import parameter

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Self
 
-from lay_control_node.planning.limits import PlanLimits
+from winding_core.lay.limits import PlanLimits
 from winding_core.parameters import Spelling, parameter, typed_values
 from winding_core.units import (
     ACCELERATION,

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import WindingConfig
-from lay_control_node.planning.guide_path import lay_of
 from lay_control_node.planning.lay_plan import FULL_TURN, LayPlan
+from winding_core.lay.guide_path import lay_of
 from winding_core.markers import Markers, is_wound
 from winding_core.run_inputs import INPUT_DTYPE
 

@@ -8,8 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.limits import PlanLimits
-from lay_control_node.planning.smoothed_line import REACH, SmoothedLine
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.guide_path import guide_path, lags_of, within
+from winding_core.lay.limits import PlanLimits
+from winding_core.lay.program import LayProgram
+from winding_core.lay.smoothed_line import REACH, SmoothedLine, smoothed_program
 
 Array = NDArray[np.float64]
 
@@ -101,6 +104,19 @@ def width_without_slip(line: SmoothedLine, radius: float, friction: float) -> fl
 
     width = _smallest(kept, WIDEST_BY_FRICTION)
     return width if kept(width) else 0.0
+
+
+def rounded_for(program: LayProgram, what: ResolvedCondition, limits: PlanLimits) -> SmoothedLine:
+    """Return the wanted z of a program, rounded for a condition's speed and friction and limits.
+
+    Raises:
+        LayProgramError: Layers would reach the guide.
+    """
+    rho = what.case.centreline_radius
+    path = within(guide_path(program, lags_of(program, what), 0.0), *limits.travel)
+    width = needed_width(path, what.drive.angular_speed, limits)
+    line = smoothed_program(program, width)
+    return replace(line, width=max(width, width_without_slip(line, rho, what.friction)))
 
 
 def _smallest(kept: Callable[[float], bool], widest: float = WIDEST) -> float:

@@ -5,6 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.parameters import parameter
+
+# Nothing but the drive limits the jerk: full acceleration within so long [s].
+_JERK_TIME = 1.0e-3
+
 
 @dataclass(frozen=True, kw_only=True)
 class PlanLimits:
@@ -52,3 +58,36 @@ class PlanLimits:
             raise ValueError(f"the shares of the pull must ascend from above 0, got {low}, {high}")
         if not self.brake_time >= 0.0:
             raise ValueError(f"brake_time must not be negative, got {self.brake_time} s")
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuideBounds:
+    """What is commanded of the carriage at most."""
+
+    guide_speed_limit: float = parameter(
+        0.08, "largest speed that is commanded of the carriage [m/s]", low=1.0e-4, high=2.0
+    )
+    guide_acceleration_limit: float = parameter(
+        0.5, "largest acceleration that is commanded of the carriage [m/s^2]", low=0.01, high=20.0
+    )
+    guide_travel: list[float] = parameter(
+        [-0.1, 1.0], "start and end of the travel that is commanded [m]", low=-10.0, high=10.0
+    )
+
+    def limits(self, what: ResolvedCondition) -> PlanLimits:
+        """Return the limits that a program is rounded for.
+
+        Raises:
+            ValueError: The travel ends before it begins, or does not hold 0.
+        """
+        drive, acceleration = what.drive, self.guide_acceleration_limit
+        return PlanLimits(
+            cylinder_speed=drive.angular_speed,
+            cylinder_acceleration=drive.angular_speed / max(drive.ramp_time, _JERK_TIME),
+            carriage_speed=self.guide_speed_limit,
+            carriage_acceleration=acceleration,
+            carriage_jerk=acceleration / _JERK_TIME,
+            travel=(self.guide_travel[0], self.guide_travel[1]),
+            brake=None,
+            brake_time=0.0,
+        )

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from lay_control_node.planning.smoothed_line import SmoothedLine
+from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.program import LayProgram, LayProgramError
+from winding_core.lay.smoothed_line import SmoothedLine
 from winding_core.units import MILLIMETRE
 
 Array = NDArray[np.float64]
@@ -36,6 +37,16 @@ def layer_lag(lag: float, radius: float, raised: Array) -> Array:
             f"guide, which is {distance / MILLIMETRE:.4g} mm off"
         )
     return np.asarray(np.sqrt((distance - outer) * (distance + outer)) / outer)
+
+
+def lags_of(program: LayProgram, what: ResolvedCondition) -> Array:
+    """Return the lag of each piece of a program by its layer's radius [rad], shape (points - 1,).
+
+    Raises:
+        LayProgramError: The cable would reach the guide.
+    """
+    rho = what.case.centreline_radius
+    return layer_lag(what.free_length / rho, rho, program.raised[:-1])
 
 
 def guide_path(program: LayProgram, lag: float | Array, width: float) -> SmoothedLine:
@@ -125,3 +136,13 @@ def lay_of(theta: Array, guide: Array, lag: float | Array, start: float = 0.0) -
         z = kept * z + added
         laid.append(z)
     return np.array(laid)
+
+
+# Places of a drive programme's motion at which its lay is looked at.
+_SAMPLES = 20_001
+
+
+def lay_of_drive(what: ResolvedCondition) -> tuple[Array, Array]:
+    """Return wound angles [rad] and z [m] of what a condition's drive programme lays."""
+    theta, guide = what.drive.positions(np.linspace(0.0, what.duration, _SAMPLES))
+    return theta, lay_of(theta, guide, what.free_length / what.case.centreline_radius)
