@@ -214,10 +214,10 @@ def _is_covered(
     m: int, newest: int, expected: FloatArray, limit: float
 ) -> bool:  # pragma: no cover
     """Return whether a newer turn than m, from `newest` on, is expected within a limit [m]."""
+    covered = False
     for k in range(newest, m):
-        if abs(expected[m] - expected[k]) < limit:
-            return True
-    return False
+        covered = covered or abs(expected[m] - expected[k]) < limit
+    return covered
 
 
 @called
