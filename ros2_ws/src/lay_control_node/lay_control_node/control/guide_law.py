@@ -35,8 +35,7 @@ class WantedPoint:
     slope: float  # Its first derivative, dz/dtheta [m/rad]
     curvature: float  # Its second derivative [m/rad^2]
     raised: float = 0.0  # Height of the cable there above that on the bare cylinder [m]
-    # By how much cable beside it may hold it off the place to which its span leads it [m]; infinite
-    # where its place says nothing of the span.
+    # By how much cable beside it may hold it off the place to which its span leads it [m].
     doubt: float = 0.0
 
 
@@ -138,7 +137,7 @@ class WantedProgram:
         """Return what is wanted at a wound angle [rad]."""
         z, slope, curvature = (float(self.line.at(theta, order)) for order in range(3))
         raised, soon = self.program.raised_at([theta, theta + _CLIMBS_WITHIN]).tolist()
-        doubt = _HELD * self.diameter if raised > 0.0 else math.inf if soon > 0.0 else 0.0
+        doubt = _HELD * self.diameter if soon > 0.0 else 0.0
         return WantedPoint(z=z, slope=slope, curvature=curvature, raised=raised, doubt=doubt)
 
     def slopes(self, theta: Array) -> Array:

@@ -188,9 +188,8 @@ class LayController:
             if wanted.raised > 0.0:
                 lies = abs(place["lift"] - wanted.raised) < self.config.height_tolerance
             if lies:
-                if math.isfinite(wanted.doubt):
-                    limit = _DOUBTS * wanted.doubt if wanted.doubt > 0.0 else math.inf
-                    self._measure(theta, z, math.hypot(sigma, wanted.doubt), limit)
+                limit = _DOUBTS * wanted.doubt if wanted.doubt > 0.0 else math.inf
+                self._measure(theta, z, math.hypot(sigma, wanted.doubt), limit)
                 if self.watch is not None:
                     self.watch.measure(theta, z, sigma)
 

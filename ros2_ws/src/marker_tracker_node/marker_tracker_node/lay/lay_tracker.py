@@ -14,7 +14,7 @@ from marker_tracker_node.lay.free_span import FreeLength, FreeSpan
 from marker_tracker_node.lay.report import LayReport, defects_of, lay_records
 from marker_tracker_node.lay.rows import PoseDoubt, choose_rows
 from marker_tracker_node.lay.span_alignment import span_in
-from marker_tracker_node.lay.turn_map import TurnMap
+from marker_tracker_node.lay.turn_map import TurnMap, led_on
 from marker_tracker_node.lay.wound_rows import Moment, take_row
 from winding_core.lay.records import LayRecords
 
@@ -167,6 +167,7 @@ class LayTracker:
             angle=angle,
             slope=self._slope(),
             landing=self._landing(angle),
+            guide=reading.guide_z,
             farthest=self._farthest(reading),
         )
         return int(take_row(frame, self._wound, k, self._turns.places, self._machine, moment))
@@ -191,7 +192,9 @@ class LayTracker:
             guide = config.advance_per_radian * angle
         start = slope = math.nan
         if self.span is not None and abs(angle - self._span_at) < SPAN_MEMORY:
-            start = self._turns.near(angle, SPAN_MEMORY, self._slope())
+            start = led_on(self._turns.places, angle, reading.guide_z, self._machine)
+            if not math.isfinite(start):
+                start = self._turns.near(angle, SPAN_MEMORY, self._slope())
             start, slope = start if math.isfinite(start) else self.span.contact_z, self.span.slope
         # P0 lies at zero.
         last, since = (0.0, 0.0) if self.span is None else (self.span.contact_z, self._span_at)
@@ -207,10 +210,11 @@ class LayTracker:
         pose, z = config.pose.position, span.contact_z
         steep = (z - pose[2]) / (pose[0] - config.rho)
         sigma, slope = span.sigma_contact_z, self._slope()
-        if not abs(z - start) < 0.5 * config.diameter:
+        over = self._turns.lies_on_others(angle, z, config.overlap_limit * config.diameter)
+        if not over and not abs(z - start) < 0.5 * config.diameter:
             # Rows would go on where an older turn was taken for this one.
             self._turns.add(angle, z, slope=slope, sigma=sigma, floor=0.0, whole=True, steep=steep)
-        if self._turns.lies_on_others(angle, z, config.overlap_limit * config.diameter):
+        if over:
             # What lies higher looks farther from the middle of the picture than it is.
             self.span = span._replace(sigma_contact_z=math.hypot(sigma, steep * config.diameter))
             return

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from marker_tracker_node.lay.config import Machine
 from winding_core.compiling import called, compiled
 
 FloatArray = NDArray[np.float64]
@@ -18,6 +19,8 @@ PLACE_ANGLE = 2.0 * math.pi / PLACES_PER_TURN
 BEFORE = PLACES_PER_TURN // 2
 # A mean forgets what is older than so many sightings: cable may slip.
 MEMORY = 60.0
+# How far the guide leads the newest cable on from where it was seen [rad].
+LED = 2.0
 
 
 class Places(NamedTuple):
@@ -179,3 +182,31 @@ def expected_near(
     if 0 <= further < z.size and places.sightings[further] > 0.0:
         slope = (z[known] - z[further]) / ((known - further) * PLACE_ANGLE)
     return float(z[known] + slope * (theta - _theta_of(known)))
+
+
+@compiled
+def led_on(
+    places: Places, theta: float, guide: float, machine: Machine
+) -> float:  # pragma: no cover
+    """Return z [m] of the newest cable, led by the guide from where it was seen last.
+
+    A straight span makes z + L z' = guide, z' being the rise per way.
+
+    Args:
+        places: What is known.
+        theta: Wound angle [rad].
+        guide: z of the guide [m].
+        machine: Cylinder, cable and span.
+
+    Returns:
+        nan where the guide or cable within LED is unknown, or where newer cable has been seen.
+    """
+    middle = math.floor(theta / PLACE_ANGLE) + BEFORE
+    most = math.ceil(LED / PLACE_ANGLE)
+    if not math.isfinite(guide) or _seen(places, middle + 1, 1, most) >= 0:
+        return math.nan
+    last = _seen(places, middle, -1, most)
+    if last < 0:
+        return math.nan
+    way = (theta - _theta_of(last)) * machine.rho
+    return float(guide + (places.z[last] - guide) * math.exp(-way / machine.free_length))

@@ -23,7 +23,7 @@ from marker_tracker_node.lay.row_measurement import (
 )
 from marker_tracker_node.lay.rows import RowTables
 from marker_tracker_node.lay.segments import WHOLE
-from marker_tracker_node.lay.turn_map import Places, add_sighting, expected_near
+from marker_tracker_node.lay.turn_map import Places, add_sighting, expected_near, led_on
 from winding_core.compiling import called, compiled
 
 ByteArray = NDArray[np.uint8]
@@ -38,6 +38,10 @@ REACH = 0.5
 # How far from where it is expected a turn is still the same, in cable diameters; where it just
 # landed and nothing but the free span tells.
 SAME, LANDING = 0.45, 0.8
+# An older turn lies still: one that is seen so far from where it is known is another one.
+SETTLED = 0.25
+# A turn that a newer one lies nearer to is not seen whole, in cable diameters.
+COVERED = 0.75
 # Cable that may be clamped behind P0 [rad].
 TAIL = 0.6
 
@@ -91,6 +95,7 @@ class Moment(NamedTuple):
     angle: float  # Azimuth of P0, whole turns included [rad]
     slope: float  # dz/dtheta of the newest turn [m/rad]
     landing: float  # z where the cable lands [m], nan if unknown
+    guide: float  # z of the guide [m], nan if unknown
     farthest: float  # Way along the winding beyond which there is no cable [m]
 
 
@@ -123,12 +128,19 @@ def number_turns(
     expected, limits = np.empty(turns), np.empty(turns)
     for m in range(turns):
         expected[m] = expected_near(places, front - TURN * m, REACH, moment.slope)
-        limits[m] = SAME * machine.diameter
-        if m == 0 and math.isnan(expected[m]) and math.isfinite(moment.landing):
-            expected[m] = moment.landing - moment.slope * azimuth
-            limits[m] = LANDING * machine.diameter
-    # Where turns lie on each other the newest is on top: it takes what is seen whole.
-    for m in range(turns):
+        limits[m] = (SAME if m == 0 else SETTLED) * machine.diameter
+        if m == 0:
+            ahead = led_on(places, front, moment.guide, machine)
+            if math.isfinite(ahead):
+                expected[m] = ahead
+            elif math.isnan(expected[m]) and math.isfinite(moment.landing):
+                expected[m] = moment.landing - moment.slope * azimuth
+                limits[m] = LANDING * machine.diameter
+    if turns:
+        _number_newest(found, machine, expected, limits, numbers)
+    # What others lie on is seen in part.
+    for m in range(1, turns):
+        covered = _is_covered(m, 0, expected, COVERED * machine.diameter)
         tried, tried_miss = -1, -1.0
         while True:
             index, miss = -1, limits[m]
@@ -139,10 +151,11 @@ def number_turns(
                     index, miss = k, off
             if index < 0:
                 break
-            if numbers[index] < 0 and (
-                found[index, KIND] == WHOLE
-                or not _older_is_nearer(found[index, Z], miss, m, expected, limits)
-            ):
+            if found[index, KIND] == WHOLE:
+                fits = not covered
+            else:
+                fits = not _older_is_nearer(found[index, Z], miss, m, expected, limits)
+            if numbers[index] < 0 and fits:
                 numbers[index] = m
                 break
             tried, tried_miss = index, miss
@@ -162,6 +175,52 @@ def _older_is_nearer(
 
 
 @called
+def _number_newest(
+    found: FloatArray,
+    machine: Machine,
+    expected: FloatArray,
+    limits: FloatArray,
+    numbers: IndexArray,
+) -> None:  # pragma: no cover
+    """Number the newest turn, on which nothing lies: it is seen whole.
+
+    What no older turn explains, which lie still, is the newest one even where that was pushed
+    aside. Otherwise it lies on one of them.
+    """
+    free, free_miss = -1, LANDING * machine.diameter
+    over, over_miss = -1, limits[0]
+    for k in range(numbers.size):
+        off = abs(found[k, Z] - expected[0])
+        if found[k, KIND] != WHOLE or not off < LANDING * machine.diameter:
+            continue
+        explained = False
+        for m in range(1, expected.size):
+            explained = explained or (
+                abs(found[k, Z] - expected[m]) < limits[m]
+                and not _is_covered(m, 1, expected, COVERED * machine.diameter)
+            )
+        if not explained and off < free_miss:
+            free, free_miss = k, off
+        if off < over_miss:
+            over, over_miss = k, off
+    if free >= 0:
+        numbers[free] = 0
+    elif over >= 0:
+        numbers[over] = 0
+
+
+@called
+def _is_covered(
+    m: int, newest: int, expected: FloatArray, limit: float
+) -> bool:  # pragma: no cover
+    """Return whether a newer turn than m, from `newest` on, is expected within a limit [m]."""
+    covered = False
+    for k in range(newest, m):
+        covered = covered or abs(expected[m] - expected[k]) < limit
+    return covered
+
+
+@called
 def _number_unknown(
     found: FloatArray,
     machine: Machine,
@@ -171,6 +230,11 @@ def _number_unknown(
     numbers: IndexArray,
 ) -> None:  # pragma: no cover
     """Number what is left by its order along the cylinder, if as many are left as there must be."""
+    for m in range(1, expected.size):
+        for k in range(m):
+            if machine.onward * (expected[m] - expected[k]) > machine.radius:
+                # The winding has turned back: there is no order along the cylinder.
+                return
     newest = moment.farthest
     known = False
     for k in range(numbers.size):
