@@ -131,3 +131,12 @@ def test_right_numbers_are_not_corrected(filmed: tuple[Film, Frames]) -> None:
     tracker, _ = followed(filmed, Wrong())
     assert tracker.report().remarks == ()
     np.testing.assert_array_equal(tracker.lens.k, tracker.camera.k)
+
+
+@pytest.mark.parametrize(("seed", "size"), [(1105, 0.01), (1106, -0.01)])
+def test_what_is_named_and_not_corrected_counts_in_the_deviations(seed: int, size: float) -> None:
+    world = World.drawn(seed)
+    run = outcome(world, world.frames(seed), seed, WrongNumber(number="focal_length", size=size))
+    assert run.right
+    # What is reported healthy is not farther off.
+    assert run.far < 5.0

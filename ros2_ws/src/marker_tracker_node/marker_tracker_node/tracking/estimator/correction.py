@@ -57,8 +57,25 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     data, follow, _ = data_information(fit, np.arange(COUNT))
     begun, sigmas = problem.begun, fit.prior[numbers] ** -0.5
     moved, covariance = carried_correction(data, fit.x[numbers] - begun, -begun, sigmas, _CARRIED)
+    count, places = problem.markers.size, problem.places(fit.x)
+    # What may be wrong and is not corrected counts as error.
+    doubted = [group[0] for group in verdict.wrong if group[0].doubted]
+    away = np.array([follow[: 2 * count, one.number] * one.error for one in doubted])
+    left_out = np.square(away.reshape(-1, 2, count)).sum(axis=0)
     if not (moved.any() or made):
-        return None
+        if not doubted:
+            return None
+        return Correction(
+            carried=False,
+            posed=True,
+            errors=begun,
+            markers=problem.markers,
+            theta=places[0],
+            z=places[1],
+            doubt=left_out,
+            unexplained=problem.markers[:0],
+            area=problem.area_of(begun),
+        )
     errors = begun + moved
     start = fit.x.copy()
     start[numbers] = errors
@@ -70,7 +87,7 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     if not clear[0]:
         # From P0 all others are counted.
         return None
-    places, count = problem.places(x), problem.markers.size
+    places = problem.places(x)
     doubt = np.diag(follow @ covariance @ follow.T)[: 2 * count].reshape(2, count).copy()
     # What explains the sightings as well may be what is wrong.
     likely = [math.exp(0.5 * (fit.cost - one.fit.cost) / DEPENDENT) for one in others]
@@ -84,6 +101,6 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         unexplained=problem.markers[~clear],
         theta=places[0, clear],
         z=places[1, clear],
-        doubt=moved.any() * doubt[:, clear],
+        doubt=(doubt if moved.any() else left_out)[:, clear],
         area=problem.area_of(errors),
     )
