@@ -153,7 +153,8 @@ class MovingBand:
     def proven(self) -> bool:
         """Whether it moves with the cylinder."""
         moved = abs(self.last - self.first)
-        return self.sightings >= PROOF_HITS and moved >= PROOF_ADVANCE
+        # Markers, which are expected, need one sighting less.
+        return self.sightings > PROOF_HITS and moved >= PROOF_ADVANCE
 
 
 class BandSearch:

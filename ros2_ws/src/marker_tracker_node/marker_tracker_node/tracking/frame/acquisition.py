@@ -42,6 +42,7 @@ from marker_tracker_node.tracking.frame.laid_path import (
     LEAST_GAP,
     band_beside_turns,
     corrected_height,
+    first_sought,
     known_around,
     mean_gap,
     search_reach,
@@ -51,8 +52,11 @@ from winding_core.compiling import called
 
 P0_REACH = BAND_REACH
 # Something proves itself by so many sightings, and by moving with the cylinder so far [rad].
-PROOF_HITS = 4
+PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
+# Before any offset is known, what lands may lie so much farther from the path than what has come
+# round, in the reach of a search: that would have been found as it landed.
+LANDING = 0.2
 
 
 @called
@@ -176,8 +180,10 @@ def _lies_on_another_turn(scan: Scan, theta: float, z: float) -> bool:  # pragma
 @called
 def _beside_path(scan: Scan, theta: float, z: float) -> float:  # pragma: no cover
     """Return how far from the path a height [m] is at a wound angle, in the reach of a search."""
+    marks = scan.cable.marks
     off = abs(z - corrected_height(scan.cable, theta)[0])
-    return off / search_reach(scan.setup, scan.cable.marks, theta)
+    off /= search_reach(scan.setup, marks, theta)
+    return off - LANDING if first_sought(marks) and theta > scan.turned - math.pi else off
 
 
 @called
