@@ -14,7 +14,6 @@ from marker_tracker_node.detection.gate import (
     NO_IDENTITY,
     NOTHING,
     OUT_OF_SIGHT,
-    PARTLY,
     TABLE_SIZE,
     Gates,
     Picture,
@@ -33,8 +32,6 @@ from marker_tracker_node.tracking.frame.expected_bands import (
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
     JUMP_THETA,
-    axis_scale,
-    gate_margin,
     predict_gate,
     separate_gates,
     shutter_of,
@@ -58,6 +55,9 @@ from marker_tracker_node.tracking.state import (
     setup_of,
 )
 from winding_core.compiling import called, compiled
+
+# A gate that is off by more of its room along the cable may cut the band.
+REAIM = 0.4
 
 
 @compiled
@@ -145,7 +145,7 @@ def _update_frame(
         turned += nudge
         cylinder.angle += nudge
     update_shift(run, out.azimuth[k, 0], turned)
-    update_means(marks, expected.outcome, out, k, turned)
+    update_means(marks, out, k, turned)
     found = marks.known.sum()
     if found < count:
         lost = not marks.known[0]
@@ -195,8 +195,8 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
         if found.outcome == HIDDEN or found.identity not in (NO_IDENTITY, n):
             return HIDDEN
         azimuth, z = found.azimuth, found.z
-        off = abs(azimuth - band.azimuth) * setup.body.rho * axis_scale(setup.camera)
-        if attempt == 1 or off <= gate_margin(setup):
+        off = abs(azimuth - band.azimuth) * setup.body.rho
+        if attempt == 1 or off <= REAIM * setup.along_margin:
             break
         # Far from where it was expected the gate may have cut the band: look again.
         place = moved_band(band, azimuth, z)
@@ -211,6 +211,5 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
     out.below[k, n], out.above[k, n] = band.below, band.above
-    if found.outcome == PARTLY:
-        out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
+    out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
     return found.outcome

@@ -19,10 +19,13 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called
 
-# A band shows this far beside the place where it may be, or where bands are in sight [rad]. Cable
-# lies beside a band from so far before P0 on, and so far before the landing: farther before the
-# contact line the free span stands off the cylinder, and hangs before the turn beside it.
-BAND_REACH = 0.5
+# Cable lies beside a band from so far before P0 on, and so far before the landing [rad].
+TAIL = 0.5
+# Before the contact line the free span stands off the cylinder: farther than this [rad] it hangs
+# before the turn beside it, nearer to the line it lies beside that.
+SPAN_LAST = -0.3
+# A band shows this far beside the place where it may be, or where bands are in sight [rad].
+BAND_REACH = 0.4
 # The next marker is no nearer than this share of the mean gap.
 LEAST_GAP = 0.6
 # How far the guide may stand before the contact line when P0 lands, one deviation [m], and how far
@@ -132,10 +135,10 @@ def band_beside_turns(
     lean = setup.body.rho / math.hypot(setup.body.rho, slope)
     diameter = 2.0 * setup.body.cable_radius
     turn = math.tau
-    if theta - turn > -BAND_REACH:
+    if theta - turn > -TAIL:
         away = (z - corrected_height(cable, theta - turn)[0]) * lean
         below, above = _nearer(below, above, away)
-    if azimuth > turn - BAND_REACH:
+    if azimuth > turn - TAIL:
         away = (corrected_height(cable, theta + turn)[0] - z) * lean
         if known_around(cable.marks, theta + turn)[1] < 0:
             # Beyond the last marker the path is only expected: no turn lies in the one before.
@@ -160,7 +163,7 @@ def covered_by_span(
 ) -> bool:  # pragma: no cover
     """Return whether the cable that is about to land hangs before a band at a wound angle [rad]."""
     before = band.azimuth - math.tau
-    if not -setup.usable_azimuth <= before < -BAND_REACH:
+    if not -setup.usable_azimuth <= before < SPAN_LAST:
         return False
     # The path goes on past the landing with the slope of the free span.
     landing = theta + math.tau + before
