@@ -21,11 +21,10 @@ from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE, PROOF_HITS
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    JUMP_THETA,
     axis_scale,
     predict_gate,
 )
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, SAME_HEIGHT
 from marker_tracker_node.tracking.state import Setup
 from winding_core.helix import FleetAngleLaw
 
@@ -33,8 +32,12 @@ from winding_core.helix import FleetAngleLaw
 SEARCH_REACH = 5.0e-3
 SATURATIONS = np.arange(0.45, 0.95, 0.05)
 NEAR_START = BAND_REACH
-# A band is whole enough to be recognised by its colour if its area is off by no more.
+# A band is whole enough to be recognised by its colour.
 WHOLE_ENOUGH = 0.5
+# Share by which the pixels of its hue may be fewer or more than its band should fill.
+AREA_RANGE = 0.7
+# It stays at its place of the cylinder within this [rad], as poorly as the camera's pose is known.
+SAME_ANGLE = 0.08
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,15 +92,15 @@ def sample_colour(
         blob = _largest_blob(prior[index])
         # A cylinder of brass has the marker's hue and merges with it until only the marker is
         # saturated enough.
-        if blob.sum() < (1.0 + WHOLE_ENOUGH) * expected:
+        if blob.sum() < (1.0 + AREA_RANGE) * expected:
             break
-    if abs(blob.sum() - expected) > WHOLE_ENOUGH * expected:
+    if abs(blob.sum() - expected) > AREA_RANGE * expected:
         raise ColourRefusedError(
             f"P0 is not where it should be: {int(blob.sum())} pixels of its hue instead of "
             f"{expected:.0f}"
         )
     core = cv2.erode(blob, np.ones((3, 3), np.uint8), borderValue=0).astype(bool)
-    if core.sum() < (1.0 - WHOLE_ENOUGH) * expected:
+    if core.sum() < (1.0 - AREA_RANGE) * expected:
         core = blob.astype(bool)
     _, wide = place.window(frame, 2.0 * place.reach)
     outside = np.ones(frame.shape[:2], dtype=bool)
@@ -194,7 +197,7 @@ class BandSearch:
     def moving(self) -> bool:
         """Whether something of the marker's hue has moved with the cylinder so far."""
         return any(
-            band.sightings > 1 and abs(band.last - band.first) > JUMP_THETA
+            band.sightings > 1 and abs(band.last - band.first) > SAME_ANGLE
             for band in self._passing
         )
 
@@ -202,7 +205,7 @@ class BandSearch:
         offset = math.remainder(azimuth - angle, math.tau)
         for band in self._passing:
             off = math.remainder(offset - band.offset, math.tau)
-            if abs(off) < JUMP_THETA and abs(z - band.z) < self._config.cable_radius:
+            if abs(off) < SAME_ANGLE and abs(z - band.z) < SAME_HEIGHT:
                 band.sightings += 1
                 share = 1.0 / band.sightings
                 band.offset = math.remainder(band.offset + share * off, math.tau)
@@ -254,7 +257,7 @@ def _bands(
             part[:, first + round(wide) :] = False
         size = int(part.sum())
         # Seen from the side a band is shorter.
-        if not 0.5 * WHOLE_ENOUGH * area <= size <= (1.0 + WHOLE_ENOUGH) * area:
+        if not 0.5 * WHOLE_ENOUGH * area <= size <= (1.0 + AREA_RANGE) * area:
             continue
         rows, columns = np.nonzero(part)
         if rows.min() == 0 or rows.max() == mask.shape[0] - 1:
@@ -266,6 +269,6 @@ def _bands(
         if not (-0.2 <= azimuth <= setup.usable_azimuth) or abs(z) > SEARCH_REACH:
             continue
         expected = _Place.predicted(setup, azimuth, z).pixels
-        if WHOLE_ENOUGH * expected <= size <= (1.0 + WHOLE_ENOUGH) * expected:
+        if WHOLE_ENOUGH * expected <= size <= (1.0 + AREA_RANGE) * expected:
             found.append((azimuth, z, strip[part]))
     return found

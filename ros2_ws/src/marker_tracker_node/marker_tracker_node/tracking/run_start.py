@@ -81,9 +81,9 @@ class RunStart:
     def saw(self, t: float, out: Burst) -> bool:
         """Take what a frame of time t [s] yielded; return whether what was known before is void."""
         turned = abs(float(out.angle[0]) + self.origin - self._begun)
-        self._followed |= turned > 2.0 * PROOF_ADVANCE and math.isfinite(
-            float(out.rows[0, 0]["azimuth"])
-        )
+        seen = math.isfinite(float(out.rows[0, 0]["azimuth"]))
+        # What is still measured as P0 then moves with the cylinder.
+        self._followed |= seen and turned > 2.0 * PROOF_ADVANCE
         void = not self.posed and self.zero.saw(t, out)
         posed = self.posed or self.zero.done
         self.done = self.proven and posed and self._misplaced.done

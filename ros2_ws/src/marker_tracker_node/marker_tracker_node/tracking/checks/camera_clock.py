@@ -41,6 +41,8 @@ SCATTER, SYSTEMATIC = 1.0e-3, 2.5e-4
 FACING = 4
 # Of weights that fall with the misfit, which change little after these.
 STEPS = 4
+# Frames from one estimate to the next.
+REFINED_EVERY = 6
 # An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
 DRIFT = NUMBERS[TIMES].doubt
 LOCKED = NUMBERS[CLOCK].doubt
@@ -90,7 +92,8 @@ class ClockOffset:
         # The encoder where the sightings were by each offset; nan before it has come so far.
         self._angle = np.full((bands, ROWS, self._offsets.size), np.nan)
         self._place = np.zeros(bands, dtype=int)
-        self._found_at = self._refined_at = -math.inf
+        self._frames = 0
+        self._found_at = -math.inf
 
     def add(self, t: float, azimuths: FloatArray) -> None:
         """Take azimuths of bands [rad] in a frame stamped t [s], nan where not seen, (bands,)."""
@@ -98,8 +101,8 @@ class ClockOffset:
             return
         for n in np.flatnonzero(np.isfinite(azimuths)):
             self._store(int(n), t, float(azimuths[n]))
-        if t - self._refined_at >= HALF_SPAN:
-            self._refined_at = t
+        self._frames += 1
+        if self._frames % REFINED_EVERY == 0:
             self._refine()
 
     def _store(self, n: int, t: float, azimuth: float) -> None:

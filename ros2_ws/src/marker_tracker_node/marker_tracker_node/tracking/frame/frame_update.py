@@ -37,7 +37,7 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     shutter_of,
     turned_since,
 )
-from marker_tracker_node.tracking.frame.laid_path import fit_offset, laid_cable
+from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT, fit_offset, laid_cable
 from marker_tracker_node.tracking.frame.run_means import (
     REFERENCE_FRAMES,
     update_means,
@@ -204,7 +204,7 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
         pixels = predict_gate(setup, place, gates, n)
         gates.ahead[n] = min(gates.ahead[n], ahead)
         gates.behind[n] = min(gates.behind[n], behind)
-    if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > setup.body.cable_radius:
+    if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > SAME_HEIGHT:
         return HIDDEN
     area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES
     out.azimuth[k, n] = azimuth - turned_since(setup, scan.shutter, azimuth, z)

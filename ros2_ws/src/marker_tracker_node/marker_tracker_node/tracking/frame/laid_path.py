@@ -34,6 +34,8 @@ OFFSET_SIGMA, LAY_SIGMA = 5.0e-3, 1.0e-3
 # Nothing lies so many deviations off: in 135 runs that were right markers were 4 mm beside the path
 # of their guide, as it is fitted, where two had changed places 9 and 12 mm.
 FARTHEST = 5.0
+# Bands that lie so near to each other are the same band [m].
+SAME_HEIGHT = 1.5 * LAY_SIGMA
 
 
 class LaidCable(NamedTuple):
