@@ -21,6 +21,8 @@ from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, Seen
 from marker_tracker_node.tracking.sighting_log import Lap, SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
 
+# It is judged anew with so many times as many sightings.
+_MORE = 1.25
 # Numbers that say when a band comes back.
 _TURNING = frozenset({"encoder_scale", "frame_times"})
 # While nothing is wrong markers are found in more frames than this share of those that have them in
@@ -39,19 +41,19 @@ class RunChecks:
     def __init__(self) -> None:
         self.contradictions: tuple[Contradiction, ...] = ()
         self.correction: Correction | None = None
-        self._judged = 0
+        self._judged = 0, 0
 
     def judge(
         self, log: SightingLog, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
     ) -> bool:
-        """Judge anew with every lap; return whether that was done.
+        """Judge anew with every lap and a quarter more sightings; return whether that was done.
 
         What is explained is made by `seen`.
         """
         laps, rows = len(log.laps), len(log.sightings)
-        if self._judged == laps:
+        if self._judged[0] == laps and rows <= _MORE * self._judged[1]:
             return False
-        self._judged = laps
+        self._judged = laps, rows
         light = _of_light(log, state.marks.area)
         if light is not None:
             self.contradictions = (light,)

@@ -51,6 +51,8 @@ from marker_tracker_node.tracking.state import CANDIDATES, Candidates, Marks, Se
 from winding_core.compiling import called
 
 P0_REACH = BAND_REACH
+# A marker proves itself on the free span, this far before it lands [rad].
+APPROACH = 0.25
 # Something proves itself by so many sightings, and by moving with the cylinder so far [rad].
 PROOF_HITS = 3
 PROOF_ADVANCE = 0.1
@@ -132,7 +134,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     beside = abs(z - corrected_height(scan.cable, theta)[0])
     marks, colour_of = scan.cable.marks, scan.picture.colour_of
     if (
-        -40.0 * math.pi <= theta - turned <= BAND_REACH
+        -40.0 * math.pi <= theta - turned <= APPROACH
         and beside <= search_reach(setup, marks, theta)
         and not _is_first(scan, theta, z)
         and not _lies_on_another_turn(scan, theta, z)
@@ -297,7 +299,7 @@ def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no c
         # A spacing that is set too large expects the next one farther on.
         least = 1.0 - LEAST_GAP
         starts[count] = marks.theta[last] + least * mean_gap(scan.setup, marks, last)
-        ends[count] = scan.turned + BAND_REACH
+        ends[count] = scan.turned + APPROACH
         count += 1
     return starts[:count], ends[:count]
 
