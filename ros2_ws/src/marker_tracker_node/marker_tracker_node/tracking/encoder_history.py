@@ -12,9 +12,10 @@ from marker_tracker_node.tracking.machine_motion import lost_turns
 # Four seconds at 2 kHz: a node in arrears meets frames two seconds behind the encoder.
 KEPT = 8192
 SAMPLED = 64
-# Losses in succession that are bridged, in periods, and the least gap that is [s].
+# Over so long angles are interpolated: in a ramp of 1.74 rad/s^2 that errs by 0.1 mrad [s]. Gaps of
+# so many periods are, where readings are lost in succession.
+INTERPOLATED = 0.02
 BRIDGED_PERIODS = 5.0
-LEAST_GAP = 0.02
 # Speeds are differences over this to either side [s]: of 8192 counts a turn one is 4 mrad/s.
 HALF_SPAN = 0.1
 
@@ -117,7 +118,7 @@ class EncoderHistory:
         (start, *first), (end, *second) = self._rows[:, after - 1], self._rows[:, after]
         longest = self._longest_gap
         if longest is None:
-            longest = max(LEAST_GAP, BRIDGED_PERIODS * self.period)
+            longest = max(INTERPOLATED, BRIDGED_PERIODS * self.period)
         if end - start > longest:
             return None, None
         share = (t - start) / (end - start)
@@ -133,4 +134,4 @@ class EncoderHistory:
         middle = min(max(t, self.first), self.newest)
         span = np.clip([middle - HALF_SPAN, middle + HALF_SPAN], self.first, self.newest)
         before, after = self.angles(span)
-        return float((after - before) / max(span[1] - span[0], LEAST_GAP))
+        return float((after - before) / max(span[1] - span[0], INTERPOLATED))

@@ -25,12 +25,10 @@ from winding_core.compiling import called, compiled
 # Bounds of what is expected of a cylinder whose encoder is out [rad/s, s].
 FASTEST = 100.0
 LONGEST_GUESS = 10.0
-RATE_SHARE = 0.3
-LOCK_GAIN = 0.5
+# Share of an error that a prediction takes in a frame.
+GAIN = 0.3
 # The reading of a machine that has not turned so far [rad] tells the guide's place where P0 lands.
 STILL = 0.003
-# Slower than this the cylinder stands, and the guide may be put anywhere [rad/s].
-STANDING = 1.0e-3
 
 
 @compiled
@@ -69,7 +67,7 @@ def follow_encoder(cylinder: Cylinder, t: float, encoder: float) -> None:  # pra
             angle = encoder + cylinder.wraps
             if not cylinder.blind:
                 rate = cylinder.rate
-                rate += RATE_SHARE * ((angle - cylinder.angle) / passed - rate)
+                rate += GAIN * ((angle - cylinder.angle) / passed - rate)
                 cylinder.rate = min(max(rate, -FASTEST), FASTEST)
             cylinder.angle = cylinder.read = angle
     cylinder.time = t
@@ -93,7 +91,7 @@ def phase_lock(marks: Marks, azimuths: FloatArray, turned: float) -> float:  # p
                 break
             total += error
             weight += 1.0
-    return LOCK_GAIN * (total / weight) if weight > 0.0 else 0.0
+    return GAIN * (total / weight) if weight > 0.0 else 0.0
 
 
 @called
@@ -117,7 +115,8 @@ def follow_guide(
         guide.zero = reading - way
     else:
         guide.turned += step
-        if abs(cylinder.rate) > STANDING:
+        # Beside a cylinder that stands the guide may be put anywhere.
+        if step != 0.0:
             guide.travel += reading - guide.reading
         way = reading - guide.zero
     guide.way = way

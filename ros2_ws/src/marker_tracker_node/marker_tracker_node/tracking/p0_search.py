@@ -19,24 +19,25 @@ from marker_tracker_node.detection.colour import (
 )
 from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
-from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
-from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT
+from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE, PROOF_HITS
+from marker_tracker_node.tracking.frame.gate_prediction import (
+    axis_scale,
+    predict_gate,
+)
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, SAME_HEIGHT
 from marker_tracker_node.tracking.state import Setup
 from winding_core.helix import FleetAngleLaw
 
 # How far P0 may appear from its place before the camera's pose was ever refined [m].
 SEARCH_REACH = 5.0e-3
-# Share by which the pixels of its hue may be fewer or more than its band should fill.
-AREA_RANGE = 0.7
 SATURATIONS = np.arange(0.45, 0.95, 0.05)
-NEAR_START = 0.3
+NEAR_START = BAND_REACH
 # A band is whole enough to be recognised by its colour.
 WHOLE_ENOUGH = 0.5
+# Share by which the pixels of its hue may be fewer or more than its band should fill.
+AREA_RANGE = 0.7
 # It stays at its place of the cylinder within this [rad], as poorly as the camera's pose is known.
 SAME_ANGLE = 0.08
-# It proves itself by moving with the cylinder as long as markers do, in so many frames.
-PROOF_SIGHTINGS = 4
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,7 +156,8 @@ class MovingBand:
     def proven(self) -> bool:
         """Whether it moves with the cylinder."""
         moved = abs(self.last - self.first)
-        return self.sightings >= PROOF_SIGHTINGS and moved >= PROOF_ADVANCE
+        # Markers, which are expected, need one sighting less.
+        return self.sightings > PROOF_HITS and moved >= PROOF_ADVANCE
 
 
 class BandSearch:

@@ -23,9 +23,12 @@ from marker_tracker_node.tracking.estimator.numbers import (
     ZERO,
 )
 from marker_tracker_node.tracking.estimator.problem import ANGLE, MARKER, TIME, Problem, Seen
-from marker_tracker_node.tracking.frame.run_means import BENT_OVER_RUN, bent_height
+from marker_tracker_node.tracking.frame.run_means import (
+    BENT_OVER_RUN,
+    REFERENCE_FRAMES,
+    bent_height,
+)
 
-LEAST_SIGHTINGS = 20
 # More sightings add nothing: what they have wrong together is not averaged out.
 MOST_SIGHTINGS = 4000
 # A correction of so many of its own standard deviations is no chance: with a right pose 70 random
@@ -91,8 +94,9 @@ def refine(
         ValueError: There are too few sightings, or P0 was never seen.
     """
     rows, total = sightings.rows.copy(), len(sightings.rows)
-    if total < LEAST_SIGHTINGS:
-        raise ValueError(f"a refinement needs at least {LEAST_SIGHTINGS} sightings, got {total}")
+    if total < REFERENCE_FRAMES:
+        least = f"at least {REFERENCE_FRAMES:.0f} sightings"
+        raise ValueError(f"a refinement needs {least}, got {total}")
     if not (rows[:, MARKER] == 0).any():
         raise ValueError("a refinement needs sightings of P0, there are none")
     belief = PoseBelief() if belief is None else belief

@@ -13,7 +13,7 @@ from marker_tracker_node.tracking.checks.camera_zero import LOOK_STEP, CameraZer
 from marker_tracker_node.tracking.checks.misplaced_camera import MisplacedCamera
 from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.acquisition import P0_REACH
+from marker_tracker_node.tracking.frame.acquisition import P0_REACH, PROOF_ADVANCE
 from marker_tracker_node.tracking.p0_search import (
     NEAR_START,
     BandSearch,
@@ -22,13 +22,6 @@ from marker_tracker_node.tracking.p0_search import (
 )
 from marker_tracker_node.tracking.state import Burst, Setup
 from winding_core.units import MILLIMETRE
-
-# A camera that was set by tape measure stands no farther from its height [m].
-MOST_HEIGHT = 0.03
-# What is still measured as P0 after so much of the way moves with the cylinder [rad].
-MOVED = 0.2
-# The doubts about a P0 that was sampled end after two turns, and so many looks.
-LEAST_LOOKS = 20
 
 
 class RunStart:
@@ -60,7 +53,6 @@ class RunStart:
         self._doubts = PictureDoubts(config)
         self._misplaced = MisplacedCamera(config)
         self._begun = self._looked = math.nan
-        self._looks = 0
         self._followed = self.proven = self._given
         self._settled = False
         self._palette: tuple[ColourModel | None, Palette] | None = None
@@ -89,7 +81,9 @@ class RunStart:
     def saw(self, t: float, out: Burst) -> bool:
         """Take what a frame of time t [s] yielded; return whether what was known before is void."""
         turned = abs(float(out.angle[0]) + self.origin - self._begun)
-        self._followed |= turned > MOVED and math.isfinite(float(out.rows[0, 0]["azimuth"]))
+        seen = math.isfinite(float(out.rows[0, 0]["azimuth"]))
+        # What is still measured as P0 then moves with the cylinder.
+        self._followed |= seen and turned > 2.0 * PROOF_ADVANCE
         void = not self.posed and self.zero.saw(t, out)
         posed = self.posed or self.zero.done
         self.done = self.proven and posed and self._misplaced.done
@@ -142,12 +136,12 @@ class RunStart:
         if found is not None:
             self._followed = self.proven = True
             return self._found(found, frame, angle, guide)
-        self._looks += 1
         if self.colour is None or not self._search.moving or self._doubts.leaps(angle):
             doubt = self._doubts.add(frame, setup, angle)
             if doubt:
                 return self._withdraw(doubt)
-        far = abs(angle - self._begun) > 2.0 * math.tau and self._looks > LEAST_LOOKS
+        # The doubts about a P0 that was sampled end after two turns.
+        far = abs(angle - self._begun) > 2.0 * math.tau
         self.proven = self.colour is not None and far
         return False
 
@@ -195,7 +189,7 @@ class RunStart:
     def _or_height(self, off: float) -> str:
         """Return the camera's height as what may be wrong if P0 lies so far off [rad], in words."""
         height = self._config.body.rho * math.sin(off)
-        if abs(off) > 0.5 * math.pi or abs(height) > MOST_HEIGHT:
+        if abs(off) > 0.5 * math.pi:
             return ""
         return (
             f", unless the camera's height is wrong by {height / MILLIMETRE:+.0f} mm: set "

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
+from marker_tracker_node.tracking.encoder_history import INTERPOLATED, KEPT
 from marker_tracker_node.tracking.estimator.problem import COLUMNS
 from marker_tracker_node.tracking.state import Burst, Rows
 from winding_core.compiling import called, compiled
@@ -17,7 +18,7 @@ from winding_core.markers import MarkerFlag
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
 # Rows kept, of some minutes at the rate of the log; a full one drops what lies between the first
 # and the newest quarter.
-_ROWS = 16384
+_ROWS = KEPT
 # Every so many rows and columns of a picture show how bright it is.
 _LIGHT_STRIDE = 16
 
@@ -50,6 +51,7 @@ class SightingLog:
 
     def __init__(self) -> None:
         self.laps: defaultdict[int, defaultdict[int, Lap]] = defaultdict(lambda: defaultdict(Lap))
+        self._taken = -math.inf
         self._rows = _Table(COLUMNS)
         self._motion = _Table(2)
 
@@ -67,12 +69,22 @@ class SightingLog:
         """Forget the sightings of some markers."""
         self._rows.keep(~np.isin(self._rows.values[:, 0], numbers))
 
-    def take(self, frames: ByteArray, kept: IndexArray, readings: FloatArray, out: Burst) -> None:
-        """Take frames of a burst, those of the kept numbers, shape (n,), and what they yielded.
+    def take(self, frames: ByteArray, readings: FloatArray, out: Burst) -> None:
+        """Take the frames of a burst, shape (k, rows, columns, 3), and what they yielded.
 
-        For readings see `update_burst`; a frame without the encoder's is not taken.
+        For readings see `update_burst`; a frame without the encoder's is not taken, nor one so near
+        to the last that it adds nothing.
         """
-        motion, passings = _passings(frames, kept, readings, out.angle, out.ahead, out.rows)
+        kept = []
+        for k, t in enumerate(readings[0].tolist()):
+            if t - self._taken >= INTERPOLATED:
+                self._taken = t
+                kept.append(k)
+        if not kept:
+            return
+        motion, passings = _passings(
+            frames, np.array(kept), readings, out.angle, out.ahead, out.rows
+        )
         self._motion.add(motion)
         if not len(passings):
             return

@@ -136,8 +136,8 @@ class Output:
     """What frames yield of each marker, arrays of shape (frames, markers).
 
     Attributes:
-        sigma_theta: One standard deviation [rad]; until results are written, of a mark that is
-            seen in part, by how much that of its azimuth exceeds that of a whole one.
+        sigma_theta: One standard deviation [rad]; until results are written, by how much that of
+            its azimuth exceeds that of a mark that is seen whole.
         azimuth: As seen [rad], nan where the marker was not measured; so are the following.
     """
 
@@ -178,7 +178,7 @@ def record_dtype(record: type) -> np.dtype[np.void]:
 
 RUN, MARK, CANDIDATE, SEEN = (record_dtype(kind) for kind in (Run, Marks, Candidates, Output))
 # The bytes of a marker of which a frame shows nothing: nan everywhere and no flag.
-_NOTHING = np.zeros(1, dtype=SEEN)
+_NOTHING = np.zeros((), dtype=SEEN)
 for _name, (_dtype, *_) in (SEEN.fields or {}).items():
     _NOTHING[_name] = math.nan if _dtype.kind == "f" else 0
 _UNSEEN = _NOTHING.tobytes()

@@ -12,6 +12,7 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
+from marker_tracker_node.tracking.frame.acquisition import PROOF_HITS
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.machine.readings import AxisReading
@@ -19,8 +20,6 @@ from winding_core.markers import MarkerFlag, Markers
 
 # What DDS has lost on the way it sends again after 0.1 s; simulated time waits after 0.25 s.
 _PATIENCE = 0.2
-# An encoder that has spoken so often since a frame came is not silent.
-_PROOF_READINGS = 3
 _NUMBERS = ("x", "y", "z", "theta", "s", "sigma_theta", "sigma_z")
 
 
@@ -108,7 +107,7 @@ class Synchroniser:
             return 0.0
         ahead = instant - self.history.latest
         behind = instant - self.history.first
-        if ahead > self._longest_lead and heard >= _PROOF_READINGS:
+        if ahead > self._longest_lead and heard >= PROOF_HITS:
             return ahead
         return behind if behind < -self._longest_lead else 0.0
 

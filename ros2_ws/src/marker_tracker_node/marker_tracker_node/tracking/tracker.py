@@ -17,7 +17,6 @@ from marker_tracker_node.tracking.estimator import configured
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, TILT
 from marker_tracker_node.tracking.estimator.problem import Seen
-from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.frame.frame_update import update_burst
 from marker_tracker_node.tracking.frame.run_means import mean_variances
 from marker_tracker_node.tracking.machine_motion import MotionBefore
@@ -25,12 +24,13 @@ from marker_tracker_node.tracking.recalibration import Recalibration, bands_of, 
 from marker_tracker_node.tracking.refinement import Sightings
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.run_start import RunStart
+from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import Burst, Setup, TrackerState, fixed_numbers
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 _UNSEEN = int(MarkerFlag.PREDICTED | MarkerFlag.NOT_WOUND)
 # No machine comes so far [rad, m]; the search looks at every lap up to the present angle.
-_MOST_ANGLE, _MOST_GUIDE = 1.0e5, 100.0
+_FARTHEST = 1.0e5
 
 
 class Tracker:
@@ -83,7 +83,7 @@ class Tracker:
         self.beginnings = 0
         self._memory: list[Burst] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
-        self._evidence, self._checks = RunEvidence(), RunChecks()
+        self._log, self._checks = SightingLog(), RunChecks()
         self._frames = 0
         self._rejected = dict.fromkeys(FrameFault, 0)
         self._losses = 0
@@ -154,8 +154,8 @@ class Tracker:
         fault = self._fault(frame, t)
         if fault is not None:
             return self.refuse(fault)
-        angle = _believed(cylinder_angle, _MOST_ANGLE)
-        guide = _believed(guide_z, _MOST_GUIDE)
+        angle = _believed(cylinder_angle)
+        guide = _believed(guide_z)
         if not self._start.done and self._start.take(frame, self._setup, angle, guide):
             self._begin_anew()
         out = self._advance(
@@ -289,7 +289,7 @@ class Tracker:
 
     def explain(self) -> None:
         """Explain what was seen if there is news, and measure with what that corrects."""
-        done = self._checks.judge(self._evidence, self._setup, self.state, self._seen)
+        done = self._checks.judge(self._log, self._setup, self.state, self._seen)
         found, marks = self._checks.correction, self.state.marks
         if found is None or not (done and self._start.proven):
             return
@@ -315,7 +315,7 @@ class Tracker:
         """Measure with other numbers from now on, and take what was measured as they have it."""
         old, self._setup = self._setup, setup
         self._fixed = fixed_numbers(setup)
-        self._numbers.make(found, self.state, self._evidence.log, self._memory or [], (old, setup))
+        self._numbers.make(found, self.state, self._log, self._memory or [], (old, setup))
         self.state.candidate_rows["hits"] = 0
 
     def _seen(self) -> Seen:
@@ -323,8 +323,8 @@ class Tracker:
         area = self.state.marks.area[self.state.marks.known]
         area = area[area > 0.0]
         return Seen.of(
-            rows=self._evidence.log.sightings,
-            motion=self._evidence.log.motion,
+            rows=self._log.sightings,
+            motion=self._log.motion,
             area=float(np.median(np.log(area))) + self._numbers.area if area.size else math.nan,
             begun=self.begun,
             without=self._numbers.errors,
@@ -367,7 +367,7 @@ class Tracker:
     def _begin_anew(self) -> None:
         """Forget what was measured with another pose or zero of the encoder."""
         self.beginnings += 1
-        self._evidence, self._checks = RunEvidence(), RunChecks()
+        self._log, self._checks = SightingLog(), RunChecks()
         self._numbers = Recalibration(len(self._ids))
         self.state = TrackerState.fresh(self.config.marker_count)
         self._setup = self.config.setup(self.camera.view(self.pose))
@@ -385,7 +385,7 @@ class Tracker:
         if self._numbers.turns:
             # Of the camera's clock alone less is known then.
             readings[3] = 0.0
-            out.ahead[:] = self._numbers.turned_ahead(self._evidence.log.motion, readings[:2])
+            out.ahead[:] = self._numbers.turned_ahead(self._log.motion, readings[:2])
             readings[1] += out.ahead
         # Frames from messages are read-only; one kind of array means one compilation.
         still = np.ascontiguousarray(frames).view()
@@ -400,7 +400,7 @@ class Tracker:
         )  # fmt: skip
         if self._memory is not None:
             self._memory.append(out)
-        self._evidence.take(still, palette, self._fixed, state, readings, out)
+        self._log.take(still, readings, out)
         self._frames += len(frames)
         if len(frames):
             self._numbers.ahead = float(out.ahead[-1])
@@ -422,6 +422,6 @@ class Tracker:
         )
 
 
-def _believed(value: float | None, most: float) -> float:
+def _believed(value: float | None) -> float:
     """Return a reading, or nan where there is none that a machine could give."""
-    return float(value) if value is not None and abs(value) <= most else math.nan
+    return float(value) if value is not None and abs(value) <= _FARTHEST else math.nan

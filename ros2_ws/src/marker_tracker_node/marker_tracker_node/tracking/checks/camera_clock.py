@@ -21,20 +21,18 @@ import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.encoder_history import EncoderHistory
+from marker_tracker_node.tracking.encoder_history import HALF_SPAN, INTERPOLATED, EncoderHistory
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE
-from marker_tracker_node.tracking.estimator.numbers import CLOCK, FOCAL, NUMBERS
+from marker_tracker_node.tracking.estimator.numbers import CLOCK, FOCAL, NUMBERS, TIMES
 from marker_tracker_node.tracking.frame.acquisition import P0_REACH
-from marker_tracker_node.tracking.frame.frame_update import JUMP_THETA
-from marker_tracker_node.tracking.frame.run_means import ENCODER_TRUST, MEMORY, SHIFT_SHARE
+from marker_tracker_node.tracking.frame.gate_prediction import JUMP_THETA
+from marker_tracker_node.tracking.frame.run_means import ENCODER_TRUST, MEMORY, REFERENCE_FRAMES
 from winding_core.units import MILLISECOND
 
-# Sightings kept of each band; one that moved and aged by less shows the same as the last [rad, s].
+# Sightings kept of each band; one that moved by less, and aged by less than a speed is taken over,
+# shows the same as the last [rad].
 ROWS = 128
-SPACING_ANGLE, SPACING_TIME = 0.02, 0.1
-# Offsets are tried this far beyond the limit [s], and so far apart [s]: between them angles are
-# interpolated, in a ramp of 1.74 rad/s^2 to 0.1 mrad.
-BEYOND, GRID = 0.25, 0.02
+SPACING_ANGLE = 0.02
 # An offset that leaves less than this share of the sightings within the encoder's readings is none.
 COVERED = 0.5
 # One azimuth errs by so much, and by so much together with all others at its speed [rad].
@@ -46,7 +44,7 @@ STEPS = 4
 # Frames from one estimate to the next.
 REFINED_EVERY = 6
 # An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
-DRIFT = 1.0e-4
+DRIFT = NUMBERS[TIMES].doubt
 LOCKED = NUMBERS[CLOCK].doubt
 # By how much bands may move too far, one standard deviation: focal length and cylinder.
 MOTION_SIGMA = NUMBERS[FOCAL].doubt
@@ -87,8 +85,9 @@ class ClockOffset:
         """Start without sightings of some bands, P0 first; offsets up to a limit [s] are found."""
         self.estimate = ClockEstimate()
         self._history = history
-        steps = math.ceil((limit + BEYOND) / GRID)
-        self._offsets = GRID * np.arange(-steps, steps + 1)
+        # What is beyond is told from what is at the limit.
+        steps = math.ceil((limit + ClockSettings.limit) / INTERPOLATED)
+        self._offsets = INTERPOLATED * np.arange(-steps, steps + 1)
         self._t, self._azimuth, self._weight = np.zeros((3, bands, ROWS))
         # The encoder where the sightings were by each offset; nan before it has come so far.
         self._angle = np.full((bands, ROWS, self._offsets.size), np.nan)
@@ -109,7 +108,7 @@ class ClockOffset:
     def _store(self, n: int, t: float, azimuth: float) -> None:
         place, last = self._place[n], self._place[n] - 1
         turned, passed = abs(azimuth - self._azimuth[n, last]), t - self._t[n, last]
-        if self._weight[n, last] and turned < SPACING_ANGLE and passed < SPACING_TIME:
+        if self._weight[n, last] and turned < SPACING_ANGLE and passed < HALF_SPAN:
             return
         self._t[n, place], self._azimuth[n, place] = t, azimuth
         self._weight[n, place] = max(math.cos(azimuth), 0.0) ** FACING
@@ -156,11 +155,13 @@ class ClockOffset:
         """Return the offset [s] of least squares, about one that is nearly right."""
         error, robust = math.inf, self._weight
         for _ in range(STEPS):
-            place = min(max((offset - self._offsets[0]) / GRID, 0.0), self._offsets.size - 1.001)
+            place = min(
+                max((offset - self._offsets[0]) / INTERPOLATED, 0.0), self._offsets.size - 1.001
+            )
             before, after = np.moveaxis(self._angle[:, :, int(place) : int(place) + 2], 2, 0)
             seen = np.isfinite(before + after)
-            speed = np.where(seen, before - after, 0.0) / GRID
-            angle = np.where(seen, before, 0.0) - GRID * (place % 1.0) * speed
+            speed = np.where(seen, before - after, 0.0) / INTERPOLATED
+            angle = np.where(seen, before, 0.0) - INTERPOLATED * (place % 1.0) * speed
             robust = np.where(seen, robust, 0.0)
             # What is left, and how it goes with offset and share, of each band about its mean.
             rows = np.array([np.where(seen, self._azimuth - angle, 0.0), -speed, angle])
@@ -276,8 +277,8 @@ class CameraClock:
         self._fastest = max(self._fastest, abs(speed))
         seen = np.isfinite(azimuths)
         if seen[0]:
-            self._weight += 1.0
-            self._usual += max(1.0 / self._weight, SHIFT_SHARE) * (speed - self._usual)
+            self._weight = min(self._weight + 1.0, REFERENCE_FRAMES)
+            self._usual += (speed - self._usual) / self._weight
             if not self._shown:
                 found = float(azimuths[0]) - self._read(t)
                 near = not abs(found - estimate.shift) > JUMP_THETA

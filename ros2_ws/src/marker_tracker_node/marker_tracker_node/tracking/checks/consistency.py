@@ -18,7 +18,6 @@ from marker_tracker_node.tracking.estimator.contradictions import Contradiction,
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS
 from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, Seen
-from marker_tracker_node.tracking.evidence import RunEvidence
 from marker_tracker_node.tracking.sighting_log import Lap, SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
 
@@ -26,10 +25,9 @@ from marker_tracker_node.tracking.state import Setup, TrackerState
 _MORE = 1.25
 # Numbers that say when a band comes back.
 _TURNING = frozenset({"encoder_scale", "frame_times"})
-# Markers are found in more frames than this share while nothing is wrong.
-_USUALLY_FOUND = 0.8
-# Grey levels of a picture that fell to less than this share of the beginning's.
-_DARKER = 0.75
+# While nothing is wrong markers are found in more frames than this share of those that have them in
+# sight, and a picture keeps as much of the beginning's grey levels.
+_USUAL = 0.8
 
 
 class RunChecks:
@@ -47,28 +45,28 @@ class RunChecks:
         self._news, self._rows = (0, 0), 0
 
     def judge(
-        self, run: RunEvidence, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
+        self, log: SightingLog, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
     ) -> bool:
         """Judge anew with every marker, turn and quarter more sightings; return whether it is done.
 
         What is explained is made by `seen`.
         """
-        laps, rows = run.log.laps, len(run.log.sightings)
+        laps, rows = log.laps, len(log.sightings)
         news = len(laps), max(map(len, laps.values()), default=0)
         if self._news == news and rows <= _MORE * self._rows:
             return False
         self._news, self._rows = news, rows
-        light = _of_light(run.log, state.marks.area)
+        light = _of_light(log, state.marks.area)
         if light is not None:
             self.contradictions = (light,)
             return False
         wrong, self.correction = explained(seen()) if rows >= LEAST_ROWS else ((), None)
-        self.contradictions = _of_everything(wrong, run, setup, state)
+        self.contradictions = _of_everything(wrong, log, setup, state)
         return True
 
 
 def _of_everything(
-    wrong: tuple[Contradiction, ...], run: RunEvidence, setup: Setup, state: TrackerState
+    wrong: tuple[Contradiction, ...], log: SightingLog, setup: Setup, state: TrackerState
 ) -> tuple[Contradiction, ...]:
     """Return what the bands contradict by their places, and what is left of them unexplained."""
     if any(item.names & _TURNING for item in wrong):
@@ -77,8 +75,8 @@ def _of_everything(
     marks = state.marks
     known = np.flatnonzero(marks.known)
     apart = np.diff(marks.theta[known]) / (np.diff(known) * setup.expected_gap)
-    spacing = _of_spacing(apart, tuple(known[known > 0].tolist()), run.unnumbered)
-    found = (*(wrong or (_of_colour(run.log),)), spacing)
+    spacing = _of_spacing(apart, tuple(known[known > 0].tolist()))
+    found = (*(wrong or (_of_colour(log),)), spacing)
     return tuple(item for item in found if item is not None)
 
 
@@ -91,7 +89,7 @@ def _of_light(log: SightingLog, area: FloatArray) -> Contradiction | None:
     before, now = first.light / first.frames, last.light / last.frames
     found, areas = _late(log, laps[-1]).share, area[area > 0.0]
     smaller = areas.size > 0 and float(np.median(np.log(areas))) < -2.0 * AREA_SIGMA
-    if now >= _DARKER * before or (found >= _USUALLY_FOUND and not smaller):
+    if now >= _USUAL * before or (found >= _USUAL and not smaller):
         return None
     return Contradiction(
         number="light",
@@ -133,19 +131,11 @@ def _late(log: SightingLog, lap: int) -> Lap:
     return Lap(sum(one.measured for one in late), sum(one.missed for one in late))
 
 
-def _of_spacing(
-    gaps: FloatArray, known: tuple[int, ...], between: tuple[int, ...]
-) -> Contradiction | None:
-    """Judge the spacing by markers before a band without a number, known markers, and gaps.
+def _of_spacing(gaps: FloatArray, known: tuple[int, ...]) -> Contradiction | None:
+    """Judge the spacing by the numbers of known markers, and by their gaps.
 
     Gaps are wound angles between known neighbours over the expected one.
     """
-    if between:
-        pairs = ", ".join(f"P{n}" for n in between)
-        return Contradiction(
-            number="marker_spacing",
-            sentence=f"the marker spacing is set too large: another band lies after {pairs}",
-        )
     skipped = math.gcd(*known) if known else 1
     if skipped > 1:
         seen = ", ".join(f"P{n}" for n in known)

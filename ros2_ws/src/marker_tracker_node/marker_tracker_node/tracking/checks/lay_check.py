@@ -13,6 +13,7 @@ import numpy as np
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.frame.laid_path import (
+    FARTHEST,
     LAY_SIGMA,
     LEAST_GAP,
     beside_path,
@@ -40,9 +41,6 @@ MOST_SCALE = 50.0
 # A number may be set, or a guide move, so many times too far or too little: what is beyond has
 # another cause.
 USUAL_SCALE = 1.4
-# No marker lies farther beside the path of its guide, as it is fitted: in 135 runs that were right
-# it was 4 mm, where two had changed places 9 and 12 mm.
-MOST_BESIDE = 6.0 * LAY_SIGMA
 
 
 @called
@@ -101,7 +99,7 @@ def guide_doubt(setup: Setup, state: TrackerState) -> str:
     if guide.belief == BY_READINGS:
         if not math.isfinite(guide.zero):
             return ""
-        if (beside := _farthest_beside(setup, state)) > MOST_BESIDE:
+        if (beside := _farthest_beside(setup, state)) > FARTHEST * LAY_SIGMA:
             return (
                 f"a marker lies {beside / MILLIMETRE:.0f} mm beside where the guide has led the "
                 "cable: are markers confused?"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +29,8 @@ from marker_tracker_node.detection.gate import (
     several_colours,
     table_index,
 )
+from marker_tracker_node.tracking.frame.expected_bands import Scan
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    Shutter,
     axis_scale,
     gate_margin,
     predict_gate,
@@ -39,8 +38,8 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     turned_since,
 )
 from marker_tracker_node.tracking.frame.laid_path import (
+    BAND_REACH,
     LEAST_GAP,
-    LaidCable,
     band_beside_turns,
     corrected_height,
     first_sought,
@@ -51,34 +50,15 @@ from marker_tracker_node.tracking.frame.laid_path import (
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, Marks, Setup
 from winding_core.compiling import called
 
-P0_REACH = 0.45
-# An encoder or clock that is wrong has P0 so far from its place [rad]: a camera that is 0.25 s late
-# at 4 rad/s.
-ASTRAY = 1.0
+P0_REACH = BAND_REACH
 # A marker proves itself on the free span, this far before it lands [rad].
 APPROACH = 0.25
-SAME_PLACE = 0.035
+# Something proves itself by so many sightings, and by moving with the cylinder so far [rad].
+PROOF_HITS = 3
+PROOF_ADVANCE = 0.1
 # Before any offset is known, what lands may lie so much farther from the path than what has come
 # round, in the reach of a search: that would have been found as it landed.
 LANDING = 0.2
-PROOF_HITS = 3
-PROOF_ADVANCE = 0.1
-# A search looks at one pixel in this length [m].
-SEARCH_GRAIN = 0.24e-3
-PEAKS = 3
-
-
-class Scan(NamedTuple):
-    """A frame in which unknown markers are sought."""
-
-    picture: Picture  # Frame and colours
-    setup: Setup  # Machine and camera
-    cable: LaidCable  # As laid so far
-    candidates: Candidates  # What was found in earlier frames
-    gates: Gates  # Of the markers; one more place is free for work
-    outcome: IndexArray  # What came of looking for each marker, shape (markers,)
-    turned: float  # Cylinder angle as the camera sees it [rad]
-    shutter: Shutter  # Of the frame
 
 
 @called
@@ -125,7 +105,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     It lies at a wound angle [rad], shifted along z from the cable's middle [m].
     """
     setup, gates, turned = scan.setup, scan.gates, scan.turned
-    work = scan.outcome.size
+    work = scan.expected.outcome.size
     height, slope = corrected_height(scan.cable, theta)
     z = height + shift
     share, colour, identity = 0.0, FIRST_COLOUR, NO_IDENTITY
@@ -140,7 +120,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         if gate_visibility(gates, work, gate_margin(setup), scan.picture) != HIDDEN:
             return
         for n in range(work):
-            if scan.outcome[n] != OUT_OF_SIGHT:
+            if scan.expected.outcome[n] != OUT_OF_SIGHT:
                 separate_gates(gates, n, work)
         colour = _colour_in_gate(scan.picture, gates, work)
         found = measure_mark(
@@ -160,7 +140,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         and not _lies_on_another_turn(scan, theta, z)
         and marker_number(setup, marks, colour_of, theta, colour, identity) >= 0
     ):
-        _remember(scan.candidates, theta, z, share, colour, identity, turned)
+        _remember(scan, theta, z, share, colour, identity)
 
 
 @called
@@ -180,10 +160,12 @@ def _is_first(scan: Scan, theta: float, z: float) -> bool:  # pragma: no cover
     """Return whether a band at a height [m] is P0 come round, not seen where it was expected."""
     marks = scan.cable.marks
     lap = round(theta / (math.tau))
-    if lap == 0 or not marks.known[0] or scan.outcome[0] in (MEASURED, PARTLY):
+    if lap == 0 or not marks.known[0] or scan.expected.outcome[0] in (MEASURED, PARTLY):
         return False
     away, beside = theta - math.tau * lap, z - marks.height[0]
-    return bool(abs(away) < ASTRAY and abs(beside) < 0.5 * scan.setup.body.cable_radius)
+    return bool(
+        abs(away) < scan.setup.usable_azimuth and abs(beside) < 0.5 * scan.setup.body.cable_radius
+    )
 
 
 @called
@@ -208,21 +190,17 @@ def _beside_path(scan: Scan, theta: float, z: float) -> float:  # pragma: no cov
 
 @called
 def _remember(
-    candidates: Candidates,
-    theta: float,
-    z: float,
-    share: float,
-    colour: int,
-    identity: int,
-    turned: float,
+    scan: Scan, theta: float, z: float, share: float, colour: int, identity: int
 ) -> None:  # pragma: no cover
     """Add a sighting to the candidate of its place, or in place of the one seen longest ago."""
-    place = 0
+    candidates, turned, place = scan.candidates, scan.turned, 0
     for c in range(CANDIDATES):
         other = candidates.identity[c]
         same = candidates.hits[c] > 0 and candidates.colour[c] == colour
         same = same and (identity in (NO_IDENTITY, other) or other == NO_IDENTITY)
-        if candidates.hits[c] == 0 or (same and abs(candidates.first[c] - theta) < SAME_PLACE):
+        if candidates.hits[c] == 0 or (
+            same and abs(candidates.first[c] - theta) < scan.setup.slip_limit
+        ):
             place = c
             break
         if candidates.last[c] < candidates.last[place]:
@@ -313,12 +291,14 @@ def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no c
         if marks.known[n]:
             if n - last > 1:
                 gap = (marks.theta[n] - marks.theta[last]) / (n - last)
-                starts[count] = marks.theta[last] + 0.4 * gap
-                ends[count] = marks.theta[n] - 0.4 * gap
+                starts[count] = marks.theta[last] + LEAST_GAP * gap
+                ends[count] = marks.theta[n] - LEAST_GAP * gap
                 count += 1
             last = n
     if last < markers - 1:
-        starts[count] = marks.theta[last] + LEAST_GAP * mean_gap(scan.setup, marks, last)
+        # A spacing that is set too large expects the next one farther on.
+        least = 1.0 - LEAST_GAP
+        starts[count] = marks.theta[last] + least * mean_gap(scan.setup, marks, last)
         ends[count] = scan.turned + APPROACH
         count += 1
     return starts[:count], ends[:count]
@@ -329,7 +309,8 @@ def _scan_turn(scan: Scan, first: float, last: float, beside: float) -> None:  #
     """Count marker pixels along a stretch, `beside` the cable [m], and verify where they gather."""
     setup, body = scan.setup, scan.setup.body
     scale = axis_scale(setup.camera)
-    stride = max(int(scale * SEARCH_GRAIN), 1)
+    # Gates end so far beside a band: half of it shows as much to a search.
+    stride = max(int(0.5 * scale * setup.across_margin), 1)
     step = stride / (scale * body.rho)
     nodes = int((last - first) / step) + 1
     counts = np.zeros(nodes)
@@ -340,7 +321,7 @@ def _scan_turn(scan: Scan, first: float, last: float, beside: float) -> None:  #
     # Half of the smallest band.
     least = NEW_AREA[0] * 2.0 * body.half_band * body.cable_radius * scale * scale
     least /= stride * stride
-    for _ in range(PEAKS):
+    for _ in range(CANDIDATES):
         place, most = _densest_window(counts, width)
         if most < least:
             return
@@ -388,8 +369,8 @@ def _count_across(
 @called
 def _claimed(scan: Scan, u: float, v: float) -> bool:  # pragma: no cover
     """Return whether a pixel lies in the gate of a known marker."""
-    for n in range(scan.outcome.size):
-        if scan.outcome[n] != OUT_OF_SIGHT and in_gate(scan.gates, n, u, v):
+    for n in range(scan.expected.outcome.size):
+        if scan.expected.outcome[n] != OUT_OF_SIGHT and in_gate(scan.gates, n, u, v):
             return True
     return False
 

@@ -35,7 +35,7 @@ from marker_tracker_node.tracking.frame.laid_path import (
     covered_by_span,
     unknown_beside,
 )
-from marker_tracker_node.tracking.state import Marks, Setup
+from marker_tracker_node.tracking.state import Candidates, Marks, Setup
 from winding_core.compiling import called
 
 
@@ -61,31 +61,31 @@ def empty_expected(count: int) -> Expected:  # pragma: no cover
     return Expected(np.zeros(count, np.int64), flags[0], flags[1], np.zeros(count), bands)
 
 
-@called
-def expect_bands(
-    picture: Picture,
-    setup: Setup,
-    shutter: Shutter,
-    cable: LaidCable,
-    turned: float,
-    lead: float,
-    gates: Gates,
-    expected: Expected,
-) -> None:  # pragma: no cover
-    """Write where the known markers are expected, and the gates of those in sight.
+class Scan(NamedTuple):
+    """A frame that is looked at."""
 
-    The cylinder has turned so far as the camera is expected to see it [rad]; P0 is expected further
-    by a lead [rad].
-    """
-    marks = cable.marks
+    picture: Picture  # Frame and colours
+    setup: Setup  # Machine and camera
+    shutter: Shutter  # Of the frame
+    cable: LaidCable  # As laid so far
+    candidates: Candidates  # What was found in earlier frames
+    gates: Gates  # Of the markers; one more place is free for work
+    expected: Expected  # Of the markers
+    turned: float  # Cylinder angle as the camera sees it [rad]
+
+
+@called
+def expect_bands(scan: Scan, lead: float) -> None:  # pragma: no cover
+    """Write where the known markers are expected, P0 further by a lead [rad], and their gates."""
+    setup, marks, gates, expected = scan.setup, scan.cable.marks, scan.gates, scan.expected
     count = marks.known.size
     for n in range(count):
-        azimuth = turned - marks.recent[n] + (lead if n == 0 else 0.0)
+        azimuth = scan.turned - marks.recent[n] + (lead if n == 0 else 0.0)
         expected.outcome[n] = OUT_OF_SIGHT
         expected.near[n] = expected.touching[n] = False
         wound = marks.known[n] and (n == 0 or azimuth >= 0.0)
         if wound and abs(_away(azimuth)) <= setup.usable_azimuth + BAND_REACH:
-            expect_band(picture, setup, shutter, cable, n, azimuth, gates, expected)
+            expect_band(scan, n, azimuth)
     for n in range(count):
         for m in range(n + 1, count):
             near = expected.near[n] and expected.near[m]
@@ -94,36 +94,28 @@ def expect_bands(
             if bands_touch(gates, n, m):
                 expected.touching[n] = expected.touching[m] = True
             ahead = marks.height[m] >= marks.height[n]
-            _guard(setup, n, not ahead, ahead, gates, expected)
-            _guard(setup, m, ahead, not ahead, gates, expected)
+            _guard(scan, n, not ahead, ahead)
+            _guard(scan, m, ahead, not ahead)
             separate_gates(gates, n, m)
 
 
 @called
-def expect_band(
-    picture: Picture,
-    setup: Setup,
-    shutter: Shutter,
-    cable: LaidCable,
-    n: int,
-    azimuth: float,
-    gates: Gates,
-    expected: Expected,
-) -> None:  # pragma: no cover
+def expect_band(scan: Scan, n: int, azimuth: float) -> None:  # pragma: no cover
     """Write where a known marker is expected at an azimuth [rad], and its gate; see above."""
-    marks = cable.marks
+    setup, cable, expected, marks = scan.setup, scan.cable, scan.expected, scan.cable.marks
     theta, z = marks.recent[n], marks.height[n]
     beyond = abs(_away(azimuth)) > setup.usable_azimuth
     if beyond and not _beside(setup, marks, n):
         return
     slope = corrected_height(cable, theta)[1]
-    azimuth += turned_since(setup, shutter, azimuth, z)
+    azimuth += turned_since(setup, scan.shutter, azimuth, z)
     band = band_beside_turns(setup, cable, azimuth, theta, z, slope)
     band = guarded(setup, band, False, unknown_beside(setup, cable, theta))
     expected.near[n] = True
-    expected.pixels[n] = predict_gate(setup, band, gates, n)
+    expected.pixels[n] = predict_gate(setup, band, scan.gates, n)
     if not beyond:
-        expected.outcome[n] = gate_visibility(gates, n, gate_margin(setup), picture)
+        margin = gate_margin(setup)
+        expected.outcome[n] = gate_visibility(scan.gates, n, margin, scan.picture)
         if covered_by_span(setup, cable, band, theta):
             expected.outcome[n] = COVERED
     expected.bands[n] = band
@@ -146,10 +138,9 @@ def _beside(setup: Setup, marks: Marks, n: int) -> bool:  # pragma: no cover
 
 
 @called
-def _guard(
-    setup: Setup, n: int, below: bool, above: bool, gates: Gates, expected: Expected
-) -> None:  # pragma: no cover
+def _guard(scan: Scan, n: int, below: bool, above: bool) -> None:  # pragma: no cover
     """Cut the band n and its gate off before the turn below or above; see `guarded`."""
+    setup, gates, expected = scan.setup, scan.gates, scan.expected
     before = band_of(expected.bands[n])
     band = guarded(setup, before, below, above)
     if band.low == before.low and band.high == before.high:

@@ -14,7 +14,6 @@ from marker_tracker_node.detection.gate import (
     NO_IDENTITY,
     NOTHING,
     OUT_OF_SIGHT,
-    PARTLY,
     TABLE_SIZE,
     Gates,
     Picture,
@@ -23,15 +22,16 @@ from marker_tracker_node.detection.gate import (
     several_colours,
 )
 from marker_tracker_node.tracking.checks.lay_check import judge_guide
-from marker_tracker_node.tracking.frame.acquisition import Scan, acquire_markers
+from marker_tracker_node.tracking.frame.acquisition import acquire_markers
 from marker_tracker_node.tracking.frame.expected_bands import (
     Expected,
+    Scan,
     empty_expected,
     expect_band,
     expect_bands,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    Shutter,
+    JUMP_THETA,
     predict_gate,
     separate_gates,
     shutter_of,
@@ -47,7 +47,6 @@ from marker_tracker_node.tracking.frame.run_means import (
 from marker_tracker_node.tracking.machine_motion import advance_machine, phase_lock
 from marker_tracker_node.tracking.state import (
     FixedNumbers,
-    Marks,
     Output,
     Rows,
     Run,
@@ -57,8 +56,7 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called, compiled
 
-# A gate finds a band that is so far away [rad].
-JUMP_THETA = 0.12
+# A gate that is off by more of its room along the cable may cut the band.
 REAIM = 0.4
 
 
@@ -128,19 +126,18 @@ def _update_frame(
     count = marks.known.size
     turned = cylinder.angle + run.shift
     shutter = shutter_of(setup, cylinder.rate, picture.pixels.shape[0])
-    expect_bands(picture, setup, shutter, cable, turned, place[0], gates, expected)
+    scan = Scan(picture, setup, shutter, cable, tracks.candidates, gates, expected, turned)
+    expect_bands(scan, place[0])
     for n in range(count):
         # Neither out of sight nor clipped.
         if expected.outcome[n] == HIDDEN:
-            expected.outcome[n] = _measure(
-                picture, setup, shutter, marks, gates, n, expected, out, k
-            )
+            expected.outcome[n] = _measure(scan, n, out, k)
     if marks.known[0] and not math.isfinite(out.azimuth[k, 0]):
         first, step = turned - marks.recent[0] + place[0], 1
         while abs(step) * JUMP_THETA <= place[1]:
             azimuth = first + step * JUMP_THETA
-            expect_band(picture, setup, shutter, cable, 0, azimuth, gates, expected)
-            if _seen_beside(picture, setup, shutter, marks, gates, expected, out, k):
+            expect_band(scan, 0, azimuth)
+            if _seen_beside(scan, out, k):
                 break
             step = -step if step > 0 else 1 - step
     if cylinder.blind:
@@ -148,14 +145,12 @@ def _update_frame(
         turned += nudge
         cylinder.angle += nudge
     update_shift(run, out.azimuth[k, 0], turned)
-    update_means(marks, expected.outcome, out, k, turned)
+    update_means(marks, out, k, turned)
     found = marks.known.sum()
     if found < count:
         lost = not marks.known[0]
         seen = cylinder.angle + run.shift
-        scan = Scan(
-            picture, setup, cable, tracks.candidates, gates, expected.outcome, seen, shutter
-        )
+        scan = Scan(picture, setup, shutter, cable, tracks.candidates, gates, expected, seen)
         run.shift = acquire_markers(scan, run.shift)
         if lost and marks.known[0]:
             # A turn from here on shows the other markers.
@@ -166,25 +161,17 @@ def _update_frame(
 
 
 @called
-def _seen_beside(
-    picture: Picture,
-    setup: Setup,
-    shutter: Shutter,
-    marks: Marks,
-    gates: Gates,
-    expected: Expected,
-    out: Output,
-    k: int,
-) -> bool:  # pragma: no cover
+def _seen_beside(scan: Scan, out: Output, k: int) -> bool:  # pragma: no cover
     """Return whether P0 is seen where it is expected now, at its height and apart from others."""
+    expected, marks = scan.expected, scan.cable.marks
     if expected.outcome[0] != HIDDEN:
         return False
     for n in range(1, marks.known.size):
         if expected.outcome[n] != OUT_OF_SIGHT:
-            separate_gates(gates, n, 0)
-    found = _measure(picture, setup, shutter, marks, gates, 0, expected, out, k)
+            separate_gates(scan.gates, n, 0)
+    found = _measure(scan, 0, out, k)
     beside = abs(out.seen_height[k, 0] - marks.height[0])
-    if found == HIDDEN or beside > 0.5 * setup.body.cable_radius:
+    if found == HIDDEN or beside > 0.5 * scan.setup.body.cable_radius:
         out.azimuth[k, 0] = out.seen_height[k, 0] = math.nan
         return False
     expected.outcome[0] = found
@@ -192,27 +179,17 @@ def _seen_beside(
 
 
 @compiled
-def _measure(
-    picture: Picture,
-    setup: Setup,
-    shutter: Shutter,
-    marks: Marks,
-    gates: Gates,
-    n: int,
-    expected: Expected,
-    out: Output,
-    k: int,
-) -> int:  # pragma: no cover
+def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cover
     """Measure the known marker n in frame k and return what came of it."""
-    band = band_of(expected.bands[n])
-    pixels, place = expected.pixels[n], band
-    area = marks.area[n]
+    picture, setup, gates, area = scan.picture, scan.setup, scan.gates, scan.cable.marks.area
+    band = band_of(scan.expected.bands[n])
+    pixels, place = scan.expected.pixels[n], band
     if several_colours(picture):
         picture = seeking(picture, picture.colour_of[n])
     azimuth, z, found = math.nan, math.nan, NOTHING
     for attempt in range(2):
         found = measure_mark(
-            setup.detector, picture, setup.camera, setup.body, gates, n, place, pixels, area,
+            setup.detector, picture, setup.camera, setup.body, gates, n, place, pixels, area[n],
             WHOLE_AREA,
         )  # fmt: skip
         if found.outcome == HIDDEN or found.identity not in (NO_IDENTITY, n):
@@ -229,11 +206,10 @@ def _measure(
         gates.behind[n] = min(gates.behind[n], behind)
     if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > SAME_HEIGHT:
         return HIDDEN
-    marks.area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES
-    out.azimuth[k, n] = azimuth - turned_since(setup, shutter, azimuth, z)
+    area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES
+    out.azimuth[k, n] = azimuth - turned_since(setup, scan.shutter, azimuth, z)
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
     out.below[k, n], out.above[k, n] = band.below, band.above
-    if found.outcome == PARTLY:
-        out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
+    out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
     return found.outcome

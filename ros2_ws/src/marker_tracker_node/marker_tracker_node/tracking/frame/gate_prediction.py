@@ -26,12 +26,13 @@ from winding_core.compiling import called, compiled
 # The visible half of a ring acts like a point this far out, in radii of the cable beyond its centre
 # line: 0.57 to 0.76, see `band`.
 RING_DEPTH = 0.65
+# The gap to a turn of the same colour that needs no cut, and how far from it a band is cut off
+# otherwise [px]: in a gap of 1.5 pixels one pixel at least is paint by less than half.
+SHOWN_GAP = 1.5
 # Gates that overlap by less hold no pixels of each other's band [px].
 OVERLAP = 1.0
-# How far from a turn of the same colour a band is cut off, and the gap to it that needs no cut
-# [m, px of the picture]: in a gap of 1.5 pixels one pixel at least is paint by less than half.
-GUARD = 0.15e-3
-SHOWN_GAP = 1.5
+# A gate finds a band that is so far away [rad].
+JUMP_THETA = 0.12
 
 
 class Ends(NamedTuple):
@@ -159,7 +160,7 @@ def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # prag
     off, a band lies as far off as its free edge does.
     """
     r = setup.body.cable_radius
-    guard = max(GUARD, SHOWN_GAP / axis_scale(setup.camera))
+    guard = SHOWN_GAP / axis_scale(setup.camera)
     low, high = band.low, band.high
     if below and band.below < 2.0 * r + guard:
         low = max(low, -math.asin(max(0.5 * (band.below - 2.0 * guard) / r, 0.0)))

@@ -7,7 +7,7 @@ import math
 from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
 from marker_tracker_node.camera.pinhole import pixels_per_metre
 from marker_tracker_node.detection.band import Body
-from marker_tracker_node.detection.gate import CLIPPED, COVERED, HIDDEN, PARTLY
+from marker_tracker_node.detection.gate import CLIPPED, COVERED, HIDDEN
 from marker_tracker_node.tracking.state import Marks, Output, Run, Setup
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
@@ -19,10 +19,8 @@ OCCLUDED, CUT_OFF, TOUCHING, SLIPPED, NOT_WOUND, PREDICTED = (
 
 # Frames that a run mean remembers; without an end it could not follow a slip.
 MEMORY = 400.0
-# So many give its first value, and its scatter.
+# So many give its first value, its scatter, and what a moving mean remembers.
 REFERENCE_FRAMES = 20.0
-RECENT_SHARE = 0.1
-SHIFT_SHARE = 0.02
 # A wound angle that leans on the encoder carries the camera's tilt and counts less.
 ENCODER_TRUST = 0.2
 # One standard deviation of a band's middle in one frame [px]: the mask's bias, which depends on
@@ -50,15 +48,8 @@ def update_shift(run: Run, azimuth: float, turned: float) -> None:  # pragma: no
     """
     if run.cylinder.blind or not math.isfinite(azimuth):
         return
-    run.shift_weight += 1.0
-    gain = max(1.0 / run.shift_weight, SHIFT_SHARE)
-    run.shift += gain * (azimuth - turned)
-
-
-@called
-def _factor(outcome: int, factor: float) -> float:  # pragma: no cover
-    """Return by how much the deviation of a mark exceeds that of one that is seen whole."""
-    return float(factor) if outcome == PARTLY else 1.0
+    run.shift_weight = min(run.shift_weight + 1.0, REFERENCE_FRAMES)
+    run.shift += (azimuth - turned) / run.shift_weight
 
 
 @called
@@ -68,39 +59,32 @@ def _joint(one: float, other: float) -> float:  # pragma: no cover
 
 
 @called
-def update_means(
-    marks: Marks, outcome: IndexArray, out: Output, k: int, turned: float
-) -> None:  # pragma: no cover
+def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # pragma: no cover
     """Take the bands measured in frame k into the run means; write their wound angles.
 
-    Outcomes say what came of looking for each marker, shape (markers,); the cylinder's angle as the
-    camera sees it is `turned` [rad].
+    The cylinder's angle as the camera sees it is `turned` [rad].
     """
     with_p0 = math.isfinite(out.azimuth[k, 0])
     base = out.azimuth[k, 0] if with_p0 else turned
     trust = 1.0 if with_p0 else ENCODER_TRUST
-    first = _factor(outcome[0], out.sigma_theta[k, 0])
+    first = out.sigma_theta[k, 0] if with_p0 else 1.0
     for n in range(marks.known.size):
         if not math.isfinite(out.azimuth[k, n]):
             continue
         theta = base - out.azimuth[k, n]
         out.theta[k, n] = theta
         d_theta, d_height = theta - marks.theta[n], out.seen_height[k, n] - marks.height[n]
-        mine = trust
-        own_theta, own_height = d_theta, d_height
-        if outcome[n] == PARTLY or first > 1.0:
-            # What is seen in part counts less.
-            factor = _joint(_factor(outcome[n], out.sigma_theta[k, n]), first)
-            mine /= factor * factor
-            own_theta /= factor
-            own_height /= _factor(outcome[n], out.sigma_height[k, n])
+        # What is seen in part counts less.
+        factor = _joint(out.sigma_theta[k, n], first)
+        mine = trust / (factor * factor)
+        own_theta, own_height = d_theta / factor, d_height / out.sigma_height[k, n]
         marks.weight[n] = min(marks.weight[n] + mine, MEMORY)
         part = mine / marks.weight[n]
         marks.theta[n] += part * d_theta
         marks.height[n] += part * d_height
         marks.var_theta[n] += (own_theta * own_theta - marks.var_theta[n]) / REFERENCE_FRAMES
         marks.var_height[n] += (own_height * own_height - marks.var_height[n]) / REFERENCE_FRAMES
-        marks.recent[n] += RECENT_SHARE * (theta - marks.recent[n])
+        marks.recent[n] += (theta - marks.recent[n]) / REFERENCE_FRAMES
         if marks.weight[n] <= REFERENCE_FRAMES:
             marks.reference[n] = marks.theta[n]
 
@@ -124,12 +108,12 @@ def write_results(
     base = out.seen_height[k, 0] if p0_seen else marks.height[0]
     facing = pixel_size(setup, 0.0)
     mean_theta, mean_height = _mean_variances(setup, facing, marks, 0)
-    first = _factor(outcome[0], out.sigma_theta[k, 0])
-    from_theta, from_height = mean_theta, mean_height
+    first, from_theta, from_height = 1.0, mean_theta, mean_height
     if p0_seen:
+        first = out.sigma_theta[k, 0]
         from_theta, from_height = _bias_variances(setup, out, k, 0)
         from_theta *= first * first
-        from_height *= _factor(outcome[0], out.sigma_height[k, 0]) ** 2
+        from_height *= out.sigma_height[k, 0] ** 2
     # A mark that is no ring moves around the section with the cable: P0's and its own both count.
     twisted = 2.0 * (setup.torsion * setup.body.cable_radius) ** 2
     for n in range(marks.known.size):
@@ -140,8 +124,7 @@ def write_results(
             continue
         flags = 0
         if math.isfinite(out.azimuth[k, n]):
-            part = _factor(outcome[n], out.sigma_theta[k, n])
-            part_z = _factor(outcome[n], out.sigma_height[k, n])
+            part, part_z = out.sigma_theta[k, n], out.sigma_height[k, n]
             out.height[k, n] = out.seen_height[k, n] - base
             own_theta, own_height = _bias_variances(setup, out, k, n)
             own_theta *= part * part
