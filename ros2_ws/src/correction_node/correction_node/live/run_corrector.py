@@ -135,15 +135,16 @@ class RunCorrector:
     def _expected(
         self, marker: int, predicted: Array, factored: Array, widths: Array, believed: Array
     ) -> _Expected:
-        found = self._law and self._law.length_ahead(
-            marker,
-            spacing=self._condition.marker_spacing,
-            predicted=predicted,
-            measured=believed,
-        )
-        if found is not None and self._law is not None:
-            half = self._widening * self._law.half_width(found)
-            return _Expected(s=found.s, half_width=half, tolerance=BELIEVED_WIDTHS * half)
+        if self._law is not None:
+            found = self._law.length_ahead(
+                marker,
+                spacing=self._condition.marker_spacing,
+                predicted=predicted,
+                measured=believed,
+            )
+            if found is not None:
+                half = self._widening * self._law.half_width(found)
+                return _Expected(s=found.s, half_width=half, tolerance=BELIEVED_WIDTHS * half)
         s = float(factored[marker - 1])
         before = np.flatnonzero(np.isfinite(believed[: marker - 1]))
         start, known = 0.0, 0.0

@@ -104,7 +104,7 @@ def place_errors(
     off_theta, off_z, widths = (np.empty(len(cells)) for _ in range(3))
     for case, model in zip(np.unique(cases), models, strict=True):
         mine = np.flatnonzero(cases == case)
-        found = model.place([cells[i] for i in mine], s[mine])
+        found = model.place([cells[i] for i in mine.tolist()], s[mine])
         off_theta[mine], off_z[mine] = found[0] - theta[mine], found[1] - z[mine]
         widths[mine] = NORMAL_90 * found[2]
     return {

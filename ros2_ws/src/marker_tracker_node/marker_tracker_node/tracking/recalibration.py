@@ -8,7 +8,6 @@ from collections.abc import Iterable
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
-from marker_tracker_node.tracking.encoder_history import HALF_SPAN
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.pictures import seen_again
@@ -18,6 +17,8 @@ from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import PATH_STEP, Burst, Marks, Rows, Setup, TrackerState
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
+# Readings of which the speed is taken: a ramp changes it by little meanwhile.
+_SPEED_ROWS = 10
 _BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
 
 
@@ -96,7 +97,7 @@ class Recalibration:
         late = (t - motion[0, 0]) * self.errors[TIMES] / (1.0 + self.errors[TIMES])
         newer = readings[:, np.isfinite(angle) & (t > motion[-1, 0])]
         times, angles = np.hstack([motion.T, newer])
-        few = times >= times[-1] - 2.0 * HALF_SPAN
+        few = slice(-_SPEED_ROWS, None)
         passed = float(np.ptp(times[few]))
         speed = float(angles[-1] - angles[few][0]) / passed if passed else 0.0
         turned = np.interp(t - late, times, angles) + speed * np.maximum(t - late - times[-1], 0.0)

@@ -22,7 +22,7 @@ from marker_tracker_node.tracking.sighting_log import Lap, SightingLog
 from marker_tracker_node.tracking.state import Setup, TrackerState
 
 # It is judged anew with so many times as many sightings.
-_MORE = 1.25
+_MORE = 1.2
 # Numbers that say when a band comes back.
 _TURNING = frozenset({"encoder_scale", "frame_times"})
 # While nothing is wrong markers are found in more frames than this share of those that have them in
@@ -47,7 +47,7 @@ class RunChecks:
     def judge(
         self, log: SightingLog, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
     ) -> bool:
-        """Judge anew with every marker, turn and quarter more sightings; return whether it is done.
+        """Judge anew with every marker, turn and a fifth more sightings; return whether it is done.
 
         What is explained is made by `seen`.
         """

@@ -19,8 +19,10 @@ OCCLUDED, CUT_OFF, TOUCHING, SLIPPED, NOT_WOUND, PREDICTED = (
 
 # Frames that a run mean remembers; without an end it could not follow a slip.
 MEMORY = 400.0
-# So many give its first value, its scatter, and what a moving mean remembers.
+# So many give its first value, and its scatter.
 REFERENCE_FRAMES = 20.0
+# Frames that a gate's aim remembers, which follows slip, and the azimuth of P0, which does not.
+RECENT_FRAMES, SHIFT_FRAMES = 10.0, 50.0
 # A wound angle that leans on the encoder carries the camera's tilt and counts less.
 ENCODER_TRUST = 0.2
 # One standard deviation of a band's middle in one frame [px]: the mask's bias, which depends on
@@ -48,7 +50,7 @@ def update_shift(run: Run, azimuth: float, turned: float) -> None:  # pragma: no
     """
     if run.cylinder.blind or not math.isfinite(azimuth):
         return
-    run.shift_weight = min(run.shift_weight + 1.0, REFERENCE_FRAMES)
+    run.shift_weight = min(run.shift_weight + 1.0, SHIFT_FRAMES)
     run.shift += (azimuth - turned) / run.shift_weight
 
 
@@ -84,7 +86,7 @@ def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # p
         marks.height[n] += part * d_height
         marks.var_theta[n] += (own_theta * own_theta - marks.var_theta[n]) / REFERENCE_FRAMES
         marks.var_height[n] += (own_height * own_height - marks.var_height[n]) / REFERENCE_FRAMES
-        marks.recent[n] += (theta - marks.recent[n]) / REFERENCE_FRAMES
+        marks.recent[n] += (theta - marks.recent[n]) / RECENT_FRAMES
         if marks.weight[n] <= REFERENCE_FRAMES:
             marks.reference[n] = marks.theta[n]
 
