@@ -152,14 +152,7 @@ def _spoil(rows: list[dict[str, float | str]], how: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("how", "says"),
-    [
-        ("millimetres", "are units mixed"),
-        ("mixed units", "are units mixed"),
-        ("swapped", "columns swapped"),
-        ("NaN", "theta_rad must be finite, got nan"),
-        ("twins", "run r3 measures exactly what run r0 does"),
-    ],
+    ("how", "says"), [("millimetres", "are units mixed"), ("swapped", "columns swapped")]
 )
 def test_bad_tables_are_refused(how: str, says: str, tmp_path: Path) -> None:
     rows = hidden_runs(1)
@@ -169,16 +162,43 @@ def test_bad_tables_are_refused(how: str, says: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("verdict", "complete", "markers", "says"),
+    ("how", "run", "says"),
     [
-        ("incomplete", False, True, "run a is incomplete: why"),
-        ("failed", True, True, "run a is failed: why"),
-        ("not judged", True, True, "run a is not judged: why"),
-        ("good", True, False, "run a has no marker"),
+        ("mixed units", 4, "are units mixed"),
+        ("NaN", 4, "theta_rad must be finite, got nan"),
+        ("twins", 3, "run r3 measures exactly what run r0 does"),
+    ],
+)
+def test_a_bad_run_is_left_out_with_its_reason(
+    how: str, run: int, says: str, tmp_path: Path
+) -> None:
+    rows = hidden_runs(1)
+    good = load_own_runs(write(tmp_path / "good.csv", rows)).cells
+    _spoil(rows, how)
+    found = load_own_runs(write(tmp_path / "runs.csv", rows))
+    (refusal,) = found.refused
+    assert says in refusal
+    kept = [cell.s_exp for cell in good if cell.case != run + 1]
+    assert [cell.s_exp for cell in found.cells] == kept
+
+
+@pytest.mark.parametrize(
+    ("verdict", "complete", "losses", "markers", "says"),
+    [
+        ("incomplete", False, [], True, "run a is incomplete: why"),
+        ("failed", True, [], True, "run a is failed: why"),
+        ("not judged", True, [], True, "run a is not judged: why"),
+        ("good", True, ["3 frames were lost"], True, "run a is unhealthy: 3 frames were lost"),
+        ("good", True, [], False, "run a has no marker"),
     ],
 )
 def test_unfit_runs_are_refused(
-    verdict: str, complete: bool, markers: bool, says: str, tmp_path: Path
+    verdict: str,
+    complete: bool,
+    losses: list[str],
+    markers: bool,
+    says: str,
+    tmp_path: Path,
 ) -> None:
     condition = {
         "cylinder_diameter_mm": 30.0, "cable_diameter_mm": 4.0, "tension_n": 3.9,
@@ -187,7 +207,12 @@ def test_unfit_runs_are_refused(
     rows = [{"id": 1, "s_fem_m": 0.11, "s_tracked_m": 0.107 if markers else None}]
     record = {
         "identity": {"condition": {name: {"value": v} for name, v in condition.items()}},
-        "outcome": {"verdict": verdict, "complete": complete, "sentences": ["why"]},
+        "outcome": {
+            "verdict": verdict,
+            "complete": complete,
+            "sentences": ["why"],
+            "losses": losses,
+        },
         "markers": rows,
     }
     (tmp_path / "a").mkdir()

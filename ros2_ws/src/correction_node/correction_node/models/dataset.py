@@ -54,6 +54,7 @@ class DataSet:
     name: str
     cells: tuple[LengthCell, ...]
     own: bool = False  # Whether these are own runs and not the paper's cases
+    refused: tuple[str, ...] = ()  # Own runs that are left out, with the reason
 
     @property
     def sha256(self) -> str:

@@ -133,6 +133,8 @@ def _learn_own(data_set: DataSet, out: Path | None, *, force: bool) -> None:
     with staged(out) as place:
         save_factor(learned.factor, place)
     console, card = result_console(), learned.factor.card
+    for sentence in data_set.refused:
+        console.print(f"Left out: {sentence}", soft_wrap=True)
     title = f"Mean error of a length, own runs '{data_set.name}', in %; a case is a run"
     console.print(record_table(_TRAINED, learned.scores.items(), words=1, title=title))
     by_cable = card["cable_left_out_pct"]
