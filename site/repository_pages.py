@@ -27,8 +27,8 @@ MODULES = {
     "cable_winding": ("prediction", "motion", "tracking", "material", "correction", "recording"),
     "winding_core": (
         "cable.condition", "cable.cases", "cable.material_law", "cable.prony", "machine.drive",
-        "machine.tension", "machine.readings", "lay.program", "lay.records", "markers",
-        "run_inputs",
+        "machine.tension", "machine.readings", "lay.limits", "lay.program", "lay.records",
+        "markers", "run_inputs",
     ),
     "cable_fem_node": (
         "winding.prediction", "winding.winding_config", "winding.rod_winding", "identification",
@@ -37,7 +37,7 @@ MODULES = {
     "winding_rig_node": ("camera", "lay.lay_law", "lay.lay_on", "lay.driven_lay"),
     "correction_node": ("models.weights", "models.factor_models"),
     "lay_control_node": (
-        "programs", "planning.planner", "planning.limits", "control.control_parameters",
+        "programs", "planning.planner", "control.control_parameters",
         "control.lay_controller", "control.expected_landing",
     ),
     "winding_recorder": ("bags.tables", "bags.check"),

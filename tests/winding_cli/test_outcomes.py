@@ -56,6 +56,8 @@ REFUSED = {
     "health no_node": "no_node",
     "graph --urdf --case 14": "case",
     "bag info nowhere": "nowhere",
+    "cable show nowhere": "nowhere",
+    "runs list nowhere": "nowhere",
     "bag check nowhere": "nowhere",
     "verify B99": "B99",
     "faults --only nothing_of_that_name": "nothing_of_that_name",

@@ -70,12 +70,22 @@ def load_data_set(name: str) -> DataSet:
 
     Args:
         name: ``paper`` for the paper's own simulation column, ``rod`` for this project's rod
-            solver as shipped, or the path of a CSV file with the columns case, marker, s_fem_m.
+            solver as shipped, or the path of a CSV file with the columns case, marker, s_fem_m;
+            ``paper-N`` and ``rod-N`` leave case N out.
 
     Raises:
         FileNotFoundError: There is no such file.
         ValueError: The file is not a table of lengths.
     """
+    shipped_name, _, left_out = name.partition("-")
+    if shipped_name in ("paper", "rod") and left_out.isdecimal():
+        cells = load_data_set(shipped_name).cells
+        kept = tuple(cell for cell in cells if cell.case != int(left_out))
+        if len(kept) == len(cells):
+            raise ValueError(
+                f"data set {name} leaves out case {left_out}, which {shipped_name} lacks"
+            )
+        return DataSet(name=name, cells=kept)
     if name == "paper":
         predicted = {(m.case, m.marker): m.simulation.s for m in published_markers()}
     elif name == "rod":

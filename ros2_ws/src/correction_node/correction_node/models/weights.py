@@ -27,6 +27,7 @@ CARD_FILE = "card.json"
 # Name of shipped weights: the data and the model that they were learned with.
 SHIPPED = {
     "rod": ("rod", "rig network"),
+    "rod_without_4": ("rod-4", "rig network"),
     "rod_rig": ("rod", "rig"),
     "rod_marker_network": ("rod", "marker network"),
     "rod_network": ("rod", "network"),

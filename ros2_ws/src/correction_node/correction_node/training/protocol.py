@@ -208,12 +208,13 @@ def _card(
     data: DataSet, name: str, training: dict[str, Any], scores: dict[str, Score]
 ) -> dict[str, Any]:
     learner, cells = OWN if data.own else LEARNERS[name], data.cells
+    cases = len(set(case_numbers(cells).tolist()))
     return {
         "data": {
             "name": data.name,
             "sha256": data.sha256,
             "cells": len(cells),
-            "cases": len(set(case_numbers(cells).tolist())),
+            "cases": cases,
         },
         "model": learner.description,
         "selection": learner.selection,
@@ -231,8 +232,9 @@ def _card(
         "h_left_out": _by_cell(cells, scores[name].held_out),
         "verdict": verdict(name, scores),
         "uncertainty": "s_low and s_high are h S_FEM (1 -+ bound): the largest relative residual "
-        "of twelve left-out cases, level 12/13 if new cases were drawn like the known ones; "
-        "outside the box h is 1 and the bound is a guess, twice the largest uncorrected error",
+        f"of {cases} left-out cases, level {cases}/{cases + 1} if new cases were drawn like the "
+        "known ones; outside the box h is 1 and the bound is a guess, twice the largest "
+        "uncorrected error",
         "versions": {
             "python": platform.python_version(),
             **{library: version(library) for library in ("torch", "numpy", "scipy", "safetensors")},

@@ -49,9 +49,9 @@ def train(
     data: Annotated[
         str,
         typer.Option(
-            help="Predicted lengths: paper (its simulation column), rod (our rod solver), or a "
-            "CSV file with the columns case, marker, s_fem_m; or your own runs: a folder of "
-            "them, or a CSV file with the columns that docs/learning.md lists."
+            help="Predicted lengths: paper (its simulation column), rod (our rod solver), rod-N "
+            "(without case N), or a CSV file with the columns case, marker, s_fem_m; or your own "
+            "runs: a folder of them, or a CSV file with the columns that docs/learning.md lists."
         ),
     ] = "rod",
     out: Annotated[

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.winding.winding_config import SolverParameters
+from correction_node.models.factor_models import ProcessModel
 from correction_node.models.weights import load_factor, weights_directory
 from winding_cli.run.laid_cable import last_cable, recorded_outcome
 from winding_cli.run.outcome import run_outcome
@@ -123,7 +124,7 @@ def run_record(
             original=case.original_length(marker),
             s_tracked=mean_length(tracked.of(marker), case.centreline_radius),
             s_published=experiment.get(marker),
-            h_held_out=held_out.get(marker) if marker in final else None,
+            h_held_out=(held_out or {}).get(marker) if marker in final else None,
             s_rod=ahead.get(marker),
             **_corrected(final.get(marker)),
         )
@@ -184,6 +185,7 @@ def run_record(
                 published=case.is_published,
                 controlled=lay is not None,
                 laid_as_published=laid_as_published,
+                unseen=held_out == {},
             ),
             *([] if solver.element == "rod" else [_BESIDE_THE_ROD]),
             *([_THINNED] if buffer.thinned else []),
@@ -302,7 +304,9 @@ def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
     return found
 
 
-def _notes(*, published: bool, controlled: bool, laid_as_published: bool) -> tuple[str, ...]:
+def _notes(
+    *, published: bool, controlled: bool, laid_as_published: bool, unseen: bool
+) -> tuple[str, ...]:
     tracked = (
         "The tracked lengths are measured by the camera in this run: each marker's mean place "
         "over all frames that show it."
@@ -326,14 +330,19 @@ def _notes(*, published: bool, controlled: bool, laid_as_published: bool) -> tup
         tracked,
         "The machine lays the cable where the paper's experiment measured it, so the tracked "
         "lengths test the camera and the tracker, not the solver.",
-        "The weight h was trained on all twelve published cases, this one among them: its error "
-        "here is in-sample. Held out is the prediction times the factor of a training that never "
-        "saw this case, without what was measured in this run.",
+        "The weight h was trained on published cases without this one: its error here is one of a "
+        "case held out, but for the build-up length within a run, which was learned from all."
+        if unseen
+        else "The weight h was trained on all twelve published cases, this one among them: its "
+        "error here is in-sample. Held out is the prediction times the factor of a training that "
+        "never saw this case, without what was measured in this run.",
     )
 
 
-def _held_out(weights: str, digest: str, what: ResolvedCondition) -> dict[int, float]:
-    """Return h by marker of the training that never saw the run's case; empty without one.
+def _held_out(weights: str, digest: str, what: ResolvedCondition) -> dict[int, float] | None:
+    """Return h by marker of the training that never saw the run's case.
+
+    Empty where these weights never saw it; None where it is not published or that is not known.
 
     Args:
         weights: Shipped name or folder; empty for a run without a correction.
@@ -342,16 +351,19 @@ def _held_out(weights: str, digest: str, what: ResolvedCondition) -> dict[int, f
     """
     number = what.case.number
     if not (digest and number):
-        return {}
+        return None
     try:
         trained = load_factor(weights_directory(weights))
     except (OSError, ValueError):
         # A recording may outlive the folder of its weights.
-        return {}
+        return None
     if trained.card["weights_sha256"] != digest or trained.factor(what.case, what.law).outside:
+        return None
+    by_case: Any = trained.card.get("h_left_out", {})
+    if str(number) not in by_case and by_case and not isinstance(trained.model, ProcessModel):
         return {}
-    found: Any = trained.card.get("h_left_out", {}).get(str(number), [])
+    found = by_case.get(str(number), [])
     measured = [row.marker for row in published_markers(number) if row.experiment]
     if len(found) != len(measured):
-        return {}
+        return None
     return dict(zip(measured, map(float, found), strict=True))
