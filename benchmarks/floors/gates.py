@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from marker_tracker_node import Tracker
 from marker_tracker_node.detection.gate import OUT_OF_SIGHT, empty_gates
-from marker_tracker_node.tracking.frame.expected_bands import empty_expected, expect_bands
+from marker_tracker_node.tracking.frame.expected_bands import Scan, empty_expected, expect_bands
 from marker_tracker_node.tracking.frame.gate_prediction import shutter_of
 from marker_tracker_node.tracking.frame.laid_path import laid_cable
 
@@ -43,12 +43,15 @@ def boxes_of(tracker: Tracker, frame: NDArray[np.uint8], angle: float) -> list[B
         frame: Shape (rows, columns, 3).
         angle: Of the encoder [rad].
     """
-    run, marks = tracker.state.run, tracker.state.tracks.marks
-    gates, expected = empty_gates(marks.known.size + 1), empty_expected(marks.known.size)
+    setup, run, tracks = tracker._setup, tracker.state.run, tracker.state.tracks
+    count = tracks.marks.known.size
+    gates, expected = empty_gates(count + 1), empty_expected(count)
     picture = tracker._start.palette().picture(frame)
-    cable = laid_cable(tracker.state.tracks, run)
-    shutter = shutter_of(tracker._setup, run.cylinder.rate, frame.shape[0])
-    expect_bands(picture, tracker._setup, shutter, cable, angle + run.shift, 0.0, gates, expected)
+    cable = laid_cable(tracks, run)
+    shutter = shutter_of(setup, run.cylinder.rate, frame.shape[0])
+    turned = angle + run.shift
+    scan = Scan(picture, setup, shutter, cable, tracks.candidates, gates, expected, turned)
+    expect_bands(scan, 0.0)
     rows, columns = frame.shape[:2]
     boxes = []
     for n in np.flatnonzero(expected.outcome != OUT_OF_SIGHT):
