@@ -140,3 +140,13 @@ def test_what_is_named_and_not_corrected_counts_in_the_deviations(seed: int, siz
     assert run.right
     # What is reported healthy is not farther off.
     assert run.far < 5.0
+
+
+def test_a_p0_that_is_never_found_is_reported() -> None:
+    # Joined as it turns, with the lay 9 mm off: the second turn fits P0 better.
+    wrong = WrongNumber(number="guide_offset", size=-0.009)
+    world = replace(World.drawn(1104), landing=wrong.landing())
+    run = outcome(world, world.frames(1104), 1104, wrong)
+    assert run.known == 0
+    assert not run.healthy
+    assert "P0 was not found where it should lie" in run.sentences

@@ -89,6 +89,10 @@ class RunStart:
         self.done = self.proven and posed and self._misplaced.done
         return void
 
+    def overdue(self, angle: float) -> bool:
+        """Return whether P0 should be known at a cylinder's angle [rad]: it came round twice."""
+        return self.proven and abs(angle + self.origin - self._begun) > 2.0 * math.tau
+
     def palette(self) -> Palette:
         """Return the colours of all markers, as far as P0's is known."""
         colour, known = self.colour, self._palette

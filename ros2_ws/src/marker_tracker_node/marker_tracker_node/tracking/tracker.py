@@ -283,7 +283,9 @@ class Tracker:
             remarks=tuple(filter(None, (*self._start.sentences, self._numbers.remark))),
             colour_separation=separation,
             contradictions=self._checks.contradictions,
-            missing=missing_markers(self._setup, self.state),
+            missing=missing_markers(
+                self._setup, self.state, p0_late=self._start.overdue(float(cylinder.angle))
+            ),
             guide_doubt=guide_doubt(self._setup, self.state),
         )
 

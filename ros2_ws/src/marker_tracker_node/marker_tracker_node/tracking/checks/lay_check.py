@@ -139,12 +139,15 @@ def _farthest_beside(setup: Setup, state: TrackerState) -> float:
     return float(np.abs(off).max(initial=0.0))
 
 
-def missing_markers(setup: Setup, state: TrackerState) -> tuple[int, ...]:
-    """Return the numbers of the markers that should have been found long ago."""
+def missing_markers(setup: Setup, state: TrackerState, *, p0_late: bool) -> tuple[int, ...]:
+    """Return the numbers of the markers that should have been found long ago.
+
+    P0 is if it is late and not known.
+    """
     marks, run = state.marks, state.run
     known = np.flatnonzero(marks.known)
     if not known.size or known[0] != 0:
-        return ()
+        return (0,) if p0_late else ()
     last = int(known[-1])
     # Then the next one is due as well, and this one has come past the camera once more.
     due = overdue(setup, marks, last) + math.tau
