@@ -70,6 +70,8 @@ class CorrectionNode(ManagedNode[CorrectionParameters]):
                 "refused_measurements": str(refused),
                 "weights": self.configuration.weights,
                 "weights_sha256": handler.digest,
+                "learned_from": handler.learned_from,
+                "condition": run.outside or "inside the conditions that were learned from",
                 "in_sample_pct": f"{handler.errors['in_sample_pct']:.2f}",
                 "leave_one_case_out_pct": f"{handler.errors['leave_one_case_out_pct']:.2f}",
             },

@@ -29,6 +29,7 @@ class CorrectionHandler:
     Attributes:
         errors: Of the factor, from its card.
         digest: SHA-256 of the learned numbers, in hex.
+        learned_from: Name of the data and their extent, in words.
         factor: The correction factor h for this condition.
         run: The measured markers of this run, and what follows from them for the rest.
     """
@@ -39,6 +40,9 @@ class CorrectionHandler:
         trained = load_factor(weights_directory(wanted.weights))
         self.errors = trained.errors
         self.digest: str = trained.card["weights_sha256"]
+        data = trained.card["data"]
+        of = "runs" if isinstance(trained.model, ProcessModel) else "cases"
+        self.learned_from = f"{data['name']}, {data['cells']} lengths of {data['cases']} {of}"
         if (what.drive.advance_per_radian, what.free_length) != PLACES_OF:
             trained = replace(trained, place=None)
         # The law within a run is of the paper's rig.

@@ -279,6 +279,9 @@ def _facts(buffer: RunBuffer, corrected: Mapping[str, str]) -> dict[str, str]:
         facts["resembles"] = f"case {case}, {share:.0%} of the votes"
     if "weights" in corrected:
         facts["trained weight"] = corrected["weights"]
+        if "learned_from" in corrected:
+            facts["learned from"] = corrected["learned_from"]
+            facts["condition"] = corrected["condition"]
         facts["its mean error over all cases"] = (
             f"{corrected['in_sample_pct']} % in-sample, "
             f"{corrected['leave_one_case_out_pct']} % with each case left out"
