@@ -70,7 +70,7 @@ def finished(store: Path) -> dict[Path, tuple[int, int]]:
 def test_every_option_of_predict_can_be_swept_and_no_other() -> None:
     # What is made of a run, and whether it is repeated, is not what is wound.
     aside = {"json_file", "csv_file", "vtk_file", "output", "force", "pictures", "check"}
-    aside |= {"richardson", "cell"}
+    aside |= {"richardson", "cell", "cable", "library"}
     options = set(inspect.signature(predict).parameters)
     assert aside <= options
     kinds = option_kinds(RunParameters)
