@@ -38,8 +38,26 @@ def test_every_length_is_multiplied_by_the_conditions_h() -> None:
     np.testing.assert_array_equal(corrected["s_fem"], markers["s"])
 
 
+def _on_path(beside: float) -> Markers:
+    """Return markers so far [m] beside the path that places were learned on."""
+    factor, theta = CORRECTOR.factor(CASE), _markers()["theta"]
+    z = np.array(factor.z_path) + np.array(factor.z_slope) * CASE.centreline_radius * theta[1:]
+    return wound_markers(
+        ids=[0, 1, 2, 3, 4],
+        theta=theta,
+        z=[0.0, *(z + beside)],
+        radius=CASE.centreline_radius,
+        cylinder_angle=30.0,
+    )
+
+
+def test_z_beside_the_path_stays_the_prediction_s() -> None:
+    markers = _on_path(5.0e-3)
+    np.testing.assert_array_equal(CORRECTOR.correct(markers, CASE)["z"], markers["z"])
+
+
 def test_place_and_length_are_one() -> None:
-    markers = _markers()
+    markers = _on_path(0.0)
     corrected = CORRECTOR.correct(markers, CASE)
     for name in ("id", "r", "flags"):
         np.testing.assert_array_equal(corrected[name], markers[name])

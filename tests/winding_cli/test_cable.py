@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from typer.testing import CliRunner, Result
 
 from winding_cli.app import app
-from winding_core.library.cables import find_cable
+from winding_core.catalogue.cables import find_cable
 
 
 @pytest.fixture(autouse=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from winding_core.library.cables import (
+from winding_core.catalogue.cables import (
     PROPERTIES,
     CableError,
     cables,

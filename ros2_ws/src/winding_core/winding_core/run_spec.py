@@ -12,10 +12,10 @@ from typing import Any, NoReturn, Self
 
 from winding_core import run_options as declared
 from winding_core.cable.condition import ALTERNATIVES, Condition, published_case
+from winding_core.catalogue.cables import PROPERTIES, with_cable
 from winding_core.cell_file import CellFile, Place, cell_text, read_cell
 from winding_core.lay.drum_parameters import DrumParameters
 from winding_core.lay.layers import WoundDrum
-from winding_core.library.cables import PROPERTIES, with_cable
 from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MarkerLook
 from winding_core.parameters import (

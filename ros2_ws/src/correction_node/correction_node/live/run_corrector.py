@@ -127,7 +127,8 @@ class RunCorrector:
                     f"{expected.s:.4f} m within {expected.tolerance:.4f} m"
                 )
         if (lengths != corrected["s"]).any():
-            self._corrector.move(corrected, lengths, self._condition)
+            slopes = self._corrector.slopes(fem_markers, self._condition)
+            self._corrector.move(corrected, lengths, slopes)
         self.basis = tuple((np.flatnonzero(np.isfinite(believed)) + 1).tolist())
         self.refusals = tuple(refusals)
         return corrected

@@ -44,6 +44,7 @@ class Factor:
     outside: str | None  # Why the condition is outside the trained ones, or None
     bounds: tuple[float, ...] = ()  # Of P1, P2, .., where each has its own
     # Of P1, P2, ..; empty where places are the prediction's.
+    z_path: tuple[float, ...] = ()  # z of the prediction that is shifted, less z_slope S [m]
     z_shift: tuple[float, ...] = ()  # z beyond the prediction's at one length [m]
     z_slope: tuple[float, ...] = ()  # dz / dS there
     z_sigma: tuple[float, ...] = ()  # One standard deviation of the corrected z [m]
@@ -105,9 +106,11 @@ class TrainedFactor:
         lag, nudge = self.place.free_length / rho, 1.0e-4
         rise = (path(theta + nudge, lag) - path(theta, lag)) / nudge
         slope = rise / np.hypot(rho, rise)
-        shift = z - raw.place(conditions, s_fem)[1] - slope * (h - 1.0) * s_fem
+        predicted = raw.place(conditions, s_fem)[1]
+        shift = z - predicted - slope * (h - 1.0) * s_fem
         return replace(
             factor,
+            z_path=tuple((predicted - slope * s_fem).tolist()),
             z_shift=tuple(shift.tolist()),
             z_slope=tuple(slope.tolist()),
             z_sigma=tuple(sigma.tolist()),

@@ -20,7 +20,7 @@ from winding_cli.terminal.output_path import (
 from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
-from winding_core.library.cables import (
+from winding_core.catalogue.cables import (
     PROPERTIES,
     Cable,
     CableError,

@@ -10,7 +10,7 @@ from typing import Annotated, Any, get_type_hints
 
 import typer
 
-from winding_core.library.cables import CableError, with_cable
+from winding_core.catalogue.cables import CableError, with_cable
 from winding_core.parameters import Declaration, explained, option_kind, options
 from winding_core.run_spec import OPTIONS
 
