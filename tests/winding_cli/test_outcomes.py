@@ -194,7 +194,7 @@ def test_what_ends_soon_prints_nothing(capsys: Any) -> None:
     ("words", "sentence"),
     [
         (PREDICT, "winding with the rod"),
-        ("verify B04", "verifying B04"),
+        ("verify W04", "verifying W04"),
         ("study --fem published --steps 20 --seeds 1", "scored"),
         ("train --compare --steps 2", "scored"),
         ("render film --fps 20 --duration-s 1", "drawing frames"),
