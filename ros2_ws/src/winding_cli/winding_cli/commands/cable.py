@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.offline.tracked_source import tracked_run
+from winding_cli.terminal.console import Shown, busy, known, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
     Json,
@@ -17,7 +18,13 @@ from winding_cli.terminal.output_path import (
     staged,
     write_json,
 )
-from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared
+from winding_cli.terminal.record_options import (
+    Library,
+    Typed,
+    spelled,
+    with_declared,
+    with_options,
+)
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
 from winding_core.catalogue.cables import (
@@ -31,7 +38,11 @@ from winding_core.catalogue.cables import (
     own_folder,
 )
 from winding_core.parameters import explained, option_kind, options, typed_values
-from winding_core.units import MEGAPASCAL
+from winding_core.units import MEGAPASCAL, MILLIRADIAN
+from winding_study.run_parameters import RunParameters
+
+if TYPE_CHECKING:
+    from winding_study.identification.nearest_cable import Likeness
 
 cable = typer.Typer(
     help="List, show and compare the cables of the library, and add your own.",
@@ -56,6 +67,15 @@ _LISTED = (
     Shown("E, MPa", lambda item: item.properties["young_mpa"], ".4g"),
     Shown("one standard deviation", lambda item: item.uncertainty.get("young_mpa"), ".2g"),
     Shown("law", lambda item: str(item.properties.get("law", Condition.law))),
+)
+
+
+_LIKELY = (
+    Shown("cable", lambda item: item.name or "none of them"),
+    Shown("probability", lambda item: item.probability, ".3f"),
+    Shown("E then, MPa", lambda item: item.young, ".4g", MEGAPASCAL),
+    Shown("misses by, mrad", lambda item: item.missed, ".1f", MILLIRADIAN),
+    Shown("left out because", lambda item: item.refusal),
 )
 
 
@@ -125,6 +145,43 @@ def compare(
     if json_file is not None:
         apart = {row[0]: row[3] for row in rows}
         write_json(json_file, {"cables": [*map(_record, pair)], "deviations_apart": apart})
+
+
+@cable.command()
+@with_options(RunParameters)
+def nearest(
+    typed: Typed,
+    *,
+    source: Annotated[
+        Path, typer.Argument(help="Recording (folder, .mcap) or table of markers (.csv).")
+    ],
+    library: Library = None,
+    json_file: Json = None,
+    force: Force = False,
+) -> None:
+    """Name the cable of the library that a run's markers show, with its probability."""
+    from winding_study.identification.nearest_cable import likenesses
+
+    check_output_file(json_file, "--json", force=force)
+    with refused(ValueError), busy("winding the cables of the library"):
+        shelf = cables(library)
+        found = likenesses(tracked_run(source, typed), shelf)
+    result_console().print(record_table(_LIKELY, found, words=1))
+    if json_file is not None:
+        write_json(
+            json_file,
+            {"cables": [*map(_record, shelf.values())], "nearest": [*map(_likely, found)]},
+        )
+
+
+def _likely(item: Likeness) -> dict[str, Any]:
+    return {
+        "name": item.name,
+        "probability": item.probability,
+        "young_pa": known(item.young),
+        "missed_rad": known(item.missed),
+        "refusal": item.refusal or None,
+    }
 
 
 @cable.command()

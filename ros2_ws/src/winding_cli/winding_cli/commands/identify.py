@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.record_options import Typed, spelled, with_options
@@ -115,54 +116,10 @@ def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[Track
         raise SourceError(
             f"give --weight-n once for each of {len(sources)} sources, got {len(weights)}"
         )
-    element = typed.get("element", RunParameters.element)
-    if element != "rod":
-        raise SourceError(f"identification winds the rod, not the element {element}")
-    missing = [source for source in sources if not source.exists()]
-    if missing:
-        raise SourceError(f"{missing[0]} does not exist")
     own: list[Typed] = [typed] * len(sources)
     if weights:
         own = [{**typed, "tension_n": weight, "tension_mpa": None} for weight in weights]
-    return [_run(source, each) for source, each in zip(sources, own, strict=True)]
-
-
-def _run(source: Path, typed: Typed) -> TrackedRun:
-    from cable_fem_node.identification import TrackedRun
-    from winding_core.planned_inputs import planned_inputs
-    from winding_recorder.bags.tables import topic_rows
-    from winding_study.identification.sources import read_readings, recorded_run
-
-    if source.is_dir() or source.suffix in (".mcap", ".db3"):
-        return recorded_run(
-            _recorded_config(source, typed),
-            tracked=topic_rows(source, "tracker/markers"),
-            joints=topic_rows(source, "rig/joint_states"),
-            tension=topic_rows(source, "rig/tension"),
-        )
-    plan = RunParameters.from_typed(typed, spelling=spelled).plan()
-    return TrackedRun(
-        config=plan.config,
-        inputs=planned_inputs(plan.drive, plan.duration),
-        readings=read_readings(source),
-    )
-
-
-def _recorded_config(source: Path, typed: Typed) -> WindingConfig:
-    """Return what was wound: what was typed of it, else what the solver's node was set to."""
-    from cable_fem_node.ros.parameters import FemParameters
-    from winding_recorder.bags.contents import configuration_of, recorded_parameters
-    from winding_recorder.bags.description import BagError
-    from winding_ros.topics import FEM
-
-    if "case" in typed or "cylinder_diameter_mm" in typed:
-        return RunParameters.from_typed(typed, spelling=spelled).plan().config
-    try:
-        stated = recorded_parameters(source, FEM)
-    except BagError as error:
-        raise BagError(f"{source} does not say what was wound: give --case") from error
-    config = configuration_of(FemParameters, stated, FEM).winding_config()
-    return dataclasses.replace(config, law=str(typed.get("law", RunParameters.law)))
+    return [tracked_run(source, each) for source, each in zip(sources, own, strict=True)]
 
 
 def _first(runs: list[TrackedRun], use: int | None) -> list[TrackedRun]:

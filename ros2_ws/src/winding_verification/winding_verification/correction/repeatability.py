@@ -46,7 +46,9 @@ def accuracy_by_noise(
     the paper did not measure is left out of the distance.
 
     With k = 5 this gives, at 1, 2 and 4 %, 0.81, 0.67 and 0.54 for noise of the run, and 0.87,
-    0.72 and 0.56 for noise of each marker. The paper's 0.913 takes a repeatability of 0.6 %.
+    0.72 and 0.56 for noise of each marker. The published lengths scatter by 0.31 % each, which
+    gives 0.96; the paper's 0.913 takes 0.70 %, or 0.57 % of whole runs. How its repetitions
+    differed as a whole was not published.
     Lengths alone cannot do much better: cases 3 and 6 are 0.3 % apart and eight of the twelve
     have another case within 2 % (root mean square), so even the nearest exact case is right in
     only 0.90, 0.79 and 0.64 of the runs with marker noise. The 0.98, 0.91 and 0.69 of an earlier
