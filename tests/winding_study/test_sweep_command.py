@@ -115,6 +115,32 @@ def test_a_sweep_makes_a_table_and_does_it_once(tmp_path: Path, spec: Path) -> N
     assert (read(out)["cpu_s"] == first["cpu_s"]).all()
 
 
+def test_cables_and_cells_are_swept_by_name(tmp_path: Path) -> None:
+    cells = []
+    for name, case in (("left", 4), ("right", 9)):
+        cells.append(tmp_path / f"{name}.yaml")
+        cells[-1].write_text(f"condition: {{case: {case}}}\n", encoding="utf-8")
+    path, out = tmp_path / "spec.yaml", tmp_path / "table.npz"
+    path.write_text(
+        f"parameters: {{cell: [{cells[0]}, {cells[1]}], cable: [hose, tube], duration_s: 1, "
+        "cylinder_diameter_mm: 250, tension_n: 25}\n",
+        encoding="utf-8",
+    )
+    code, output = sweep(path, "--store", tmp_path / "store", "--output", out, "--processes", 1)
+    assert code == 0, output
+    table = read(out)
+    assert table["cell"].tolist() == [str(cell) for cell in cells for _ in range(2)]
+    assert table["cable"].tolist() == ["hose", "tube"] * 2
+    assert table["cable_diameter_mm"].tolist() == [12.0, 6.0] * 2
+    # Case 9 has another marker spacing than case 4: what is not the cable's is the cell's.
+    spacing = table["marker_spacing_mm"].tolist()
+    assert spacing[0] == spacing[1] != spacing[2] == spacing[3]
+    path.write_text("parameters: {cable: [hose, hse], duration_s: 1}\n", encoding="utf-8")
+    code, output = sweep(path, "--store", tmp_path / "store")
+    sentence = "run 2 of 2 (cable hse): the library has no cable 'hse'; did you mean hose?"
+    assert (code, output) == (2, f"winding: {path}: {sentence}\n")
+
+
 def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> None:
     store, out = tmp_path / "store", tmp_path / "table.npz"
     sweep(spec, "--store", store, "--output", out, "--processes", 1)

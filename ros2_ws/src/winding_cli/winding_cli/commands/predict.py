@@ -5,13 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 
+from winding_cli.offline.wound_parameters import wound_parameters
 from winding_cli.terminal.console import (
     Shown,
     busy,
@@ -34,12 +34,9 @@ from winding_cli.terminal.record_options import (
     Library,
     Typed,
     spelled,
-    typed_with_cable,
     with_options,
 )
 from winding_cli.terminal.refusal import FAILED, refuse, refused
-from winding_core.parameters import typed_values
-from winding_core.run_spec import SECTION_OF, RunSpec
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 from winding_study.run_parameters import RunParameters
 
@@ -139,7 +136,9 @@ def predict(
     if pictures < 2:
         refuse(f"--pictures must be 2 or more, got {pictures}")
     with refused(ValueError), refused(SolverError, code=FAILED):
-        run = _parameters(cell, typed, cable, library).plan()
+        run = wound_parameters(
+            typed, cell=cell, cable=cable, library=library, spelling=spelled
+        ).plan()
         if check:
             _print_checks(run)
             return
@@ -167,22 +166,6 @@ def predict(
     _print(result, record)
     if json_file is not None:
         write_json(json_file, record)
-
-
-def _parameters(
-    cell: Path | None, typed: Typed, cable: str | None, library: Path | None
-) -> RunParameters:
-    """Return what is wound by a cell file and by options, which win over it."""
-    if cell is None:
-        return RunParameters.from_typed(typed_with_cable(typed, cable, library), spelling=spelled)
-    named = {"cable": cable, "library": library}
-    of_run = {key: value for key, value in typed.items() if key in SECTION_OF} | {
-        key: value for key, value in named.items() if value is not None
-    }
-    own = {key: value for key, value in typed.items() if key not in SECTION_OF}
-    spec = RunSpec.from_cell(cell, of_run, spelled)
-    values: dict[str, Any] = asdict(spec.condition) | asdict(spec.solver)
-    return RunParameters(**values | typed_values(RunParameters, own, spelled))
 
 
 def _print_checks(run: PlannedRun) -> None:

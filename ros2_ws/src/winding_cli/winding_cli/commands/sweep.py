@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from winding_cli.offline.wound_parameters import wound_parameters
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
@@ -33,6 +34,8 @@ if TYPE_CHECKING:
 
 STORE = Path("runs") / "sweeps"
 ENGINES = ("joblib", "dask")
+# Parameters of a sweep that stand for many: a cell file, and a cable of the library.
+FILES = ("cell", "cable")
 # Rows of the table that is printed.
 LONGEST = 24
 _GO_ON = "the same command goes on from there"
@@ -144,7 +147,10 @@ def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     from winding_study.sweep.spec import SpecError, parse_spec
 
     try:
-        spec = parse_spec(path.read_text(encoding="utf-8"), option_kinds(RunParameters))
+        spec = parse_spec(
+            path.read_text(encoding="utf-8"),
+            option_kinds(RunParameters) | dict.fromkeys(FILES, str),
+        )
     except (OSError, UnicodeDecodeError) as error:
         refuse(f"cannot read {path}: {getattr(error, 'strerror', None) or error}")
     except SpecError as error:
@@ -153,11 +159,15 @@ def _plan(path: Path, part: Any) -> tuple[tuple[str, ...], Plan]:
     with busy("checking the runs", total=len(spec)) as show:
         for number, given in enumerate(spec, start=1):
             try:
-                parameters = RunParameters.from_typed(given)
+                options = {key: value for key, value in given.items() if key not in FILES}
+                named = {key: str(given[key]) for key in FILES if key in given}
+                cell = Path(named["cell"]) if "cell" in named else None
+                parameters = wound_parameters(options, cell=cell, cable=named.get("cable"))
                 run = parameters.plan()
             except ValueError as error:
                 refuse(f"{path}: {_name(spec, number, given)}: {error}")
-            rows.append((number, run_key(run, solver_version()), parameters.as_typed(given), run))
+            inputs = {**named, **parameters.as_typed(options)}
+            rows.append((number, run_key(run, solver_version()), inputs, run))
             show(completed=number)
     wanted = set(part.keys([key for _, key, _, _ in rows]))
     if not wanted:
