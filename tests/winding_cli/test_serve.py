@@ -50,6 +50,10 @@ def test_options_become_words_of_the_command_line() -> None:
             "weights must be one of rod, .*, got '/srv/mine': a goal",
         ),
         ({"case": 2, "weights": "../rod"}, "weights must be one of rod"),
+        ({"cable": "mine.yaml"}, "a cable's name is of letters, .*, got 'mine.yaml'"),
+        ({"cable": "../hose"}, "a cable's name is of letters"),
+        ({"cable": "hse"}, "the library has no cable 'hse'; did you mean hose?"),
+        ({"case": 2, "remark": "a\nb"}, "remark must be printable"),
     ],
 )
 def test_a_goal_that_no_run_takes_is_refused(goal: dict[str, object], sentence: str) -> None:
@@ -69,14 +73,17 @@ def test_a_goal_sets_nothing_that_names_a_file_code_or_a_place() -> None:
     assert places >= {
         *("program", "truth", "bag", "compression", "split_mb", "output", "report", "json"),
         *("trace", "compose", "parameters", "domain", "namespace", "dashboard", "dashboard_port"),
+        "library",
     }
     assert not taken & places
-    assert taken <= {"lay", "marker_colours", "cylinder_joint", "carriage_joint"}
+    labels = {"machine_name", "batch", "operator", "remark"}
+    assert taken <= {"lay", "marker_colours", "cylinder_joint", "carriage_joint", *labels}
 
 
 def test_a_goal_sets_how_it_is_wound() -> None:
     check_goal({"case": 7, "duration_s": 3, "speed": 0, "weights": "paper", "lay": "fem"})
     check_goal({"case": 2, "machine": "external", "turns": 2.5, "camera_position_mm": "1,2,3"})
+    check_goal({"cable": "hose", "duration_s": 3.0, "batch": "B7", "operator": "Ann"})
 
 
 def goals(script: str, folder: Path) -> Goals:

@@ -12,7 +12,7 @@ from typing import Any, NoReturn, Self
 
 from winding_core import run_options as declared
 from winding_core.cable.condition import ALTERNATIVES, Condition, published_case
-from winding_core.catalogue.cables import PROPERTIES, with_cable
+from winding_core.catalogue.cables import PROPERTIES, check_name, with_cable
 from winding_core.cell_file import CellFile, Place, cell_text, read_cell
 from winding_core.lay.drum_parameters import DrumParameters
 from winding_core.lay.layers import WoundDrum
@@ -75,8 +75,8 @@ _OF_CAMERA = (
 GOAL_OPTIONS = tuple(
     key
     for key, section in SECTION_OF.items()
-    if section not in ("run", "page", "graph", "recording")
-    and key not in ("program", "truth", "compose", "weights")
+    if section not in ("page", "graph", "recording")
+    and key not in ("program", "truth", "compose", "weights", "library")
 )
 
 
@@ -194,6 +194,8 @@ class RunSpec:
             ParameterError: An option that no goal has, or a value or a combination is refused.
         """
         refuse_unknown(wanted, GOAL_OPTIONS, owner="a goal")
+        if wanted.get("cable"):
+            check_name(str(wanted["cable"]))
         return cls.from_cell(None, wanted)
 
     def asked(self, section: str) -> dict[str, Value]:
