@@ -20,11 +20,15 @@ from cable_fem_node.identification import (
     with_young,
 )
 from cable_fem_node.identification.rod_run import wind
+from cable_fem_node.winding.rod_winding import RodWinding
+from cable_fem_node.winding.run_ahead import replay
 from winding_core.cable.cases import paper_case
+from winding_core.catalogue.cables import find_cable
 from winding_core.lay.quasi_static import QuasiStaticLay
 from winding_core.machine.tension import DeadWeight
 from winding_core.planned_inputs import planned_inputs
 from winding_study.identification.constants import identify_constants
+from winding_study.run_parameters import RunParameters
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
@@ -107,6 +111,35 @@ def test_quasi_static_lay_gives_its_modulus_back(case: int) -> None:
     estimate = identify_modulus([measured(case, *closed_form(case, "linear", young), seed=None)])
     # Inertia, contact depth and chords are what the two differ by; 3 % is the specification's.
     assert estimate.young == pytest.approx(young, rel=0.03)
+
+
+@pytest.mark.parametrize("name", ["thread", "wire-rope"])
+def test_the_modulus_of_a_stiff_cable_comes_back_where_it_is_strained(name: str) -> None:
+    options = find_cable(name).below({})
+    options["tension_n"] *= 3.0
+    plan = RunParameters.from_typed(options).plan()
+    inputs = planned_inputs(plan.drive, plan.duration)
+    model = RodWinding(plan.config)
+    replay(inputs, model)
+    markers = model.markers()[1:]
+    young = plan.config.case.material.young
+    run = TrackedRun(
+        config=with_young(plan.config, 1.5 * young),
+        inputs=inputs,
+        readings=readings(
+            ids=markers["id"].astype(np.int64),
+            theta=markers["theta"].astype(float),
+            z=markers["z"].astype(float),
+            sigma_theta=np.full(markers.size, 1.0e-4),
+            sigma_z=np.full(markers.size, 1.0e-4),
+        ),
+    )
+    found = identify_modulus([run])
+    assert found.refusal() == ""
+    # The search ends within 0.3 standard errors, and at the rod's own angles; 0.2 % is the bar.
+    assert found.young == pytest.approx(young, rel=2e-3)
+    # 0.6 % of strain, and 0.07 % of every angle that the model may be wrong by.
+    assert 0.1 < found.half_width_90 / young < 0.25
 
 
 def test_start_does_not_decide() -> None:

@@ -17,8 +17,8 @@ from cable_fem_node.identification.tracked_run import IdentificationError, Track
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.material_law import MaterialLaw
 
-# From softer than any gel to stiffer than any rubber: outside this no wound cable stretches.
-PLAUSIBLE_YOUNG = (0.05e6, 500.0e6)
+# From softer than any gel to the stiffest modulus that a condition takes [Pa].
+PLAUSIBLE_YOUNG = (0.05e6, 1.0e12)
 # A fit that misses a marker by more than this share of its angle is not of this cable.
 WORST_SHARE = 0.05
 # What is known no better than this, nine times in ten, is not worth taking up.
