@@ -212,6 +212,11 @@ def dimensionless_inputs(conditions: Sequence[MarkerCondition]) -> Array:
     )
 
 
+def strain(conditions: Sequence[MarkerCondition]) -> Array:
+    """Return how far the weight strains a linear cable, sigma / E, shape (n,)."""
+    return np.array([c.tension / c.young for c in conditions])
+
+
 def turns(condition: MarkerCondition) -> float:
     """Return how many turns of unstretched cable lie before a marker: n spacing / (pi D)."""
     return condition.original_length / (math.pi * condition.cylinder_diameter)

@@ -9,8 +9,15 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from correction_node.models.dataset import INPUTS, Array, LengthCell, MarkerCondition, lengths
-from correction_node.models.process import NORMAL_90, Process
+from correction_node.models.dataset import (
+    INPUTS,
+    Array,
+    LengthCell,
+    MarkerCondition,
+    lengths,
+    strain,
+)
+from correction_node.models.process import Process
 from winding_core.cable.cases import Case
 from winding_core.cable.material_law import LAWS
 from winding_core.lay.quasi_static import QuasiStaticLay
@@ -182,7 +189,11 @@ class RigModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ProcessModel:
-    """ln h as a process over the dimensionless inputs; 1 far from what it was learned from."""
+    """ln h as a process over the dimensionless inputs; 1 far from what it was learned from.
+
+    A run is pulled harder or less hard than another one: what it has of its own grows with the
+    strain.
+    """
 
     process: Process  # Of ln(S_EXP / S_FEM)
 
@@ -192,7 +203,9 @@ class ProcessModel:
 
     def bounds(self, conditions: Sequence[MarkerCondition]) -> Array:
         """Return relative half-widths of 90 % intervals, shape (n,)."""
-        return np.expm1(NORMAL_90 * self.process.at(INPUTS["dimensionless"](conditions))[1])
+        return np.expm1(
+            self.process.half_width(INPUTS["dimensionless"](conditions), strain(conditions))
+        )
 
     def tensors(self) -> dict[str, Array]:
         """Return every number of the process."""

@@ -7,7 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from correction_node.models.dataset import INPUTS, Array, LengthCell, case_numbers, lengths
+from correction_node.models.dataset import (
+    INPUTS,
+    Array,
+    LengthCell,
+    case_numbers,
+    lengths,
+    strain,
+)
 from correction_node.models.factor_models import (
     RIG_LAW,
     FactorModel,
@@ -117,6 +124,7 @@ def learn_process(
             np.log(s_exp / s_fem),
             case_numbers(cells),
             np.array([cell.sigma for cell in cells]),
+            strain(cells),
         )
         found.append(ProcessModel(process=process))
     return tuple(found)
