@@ -23,7 +23,7 @@ from cable_fem_node.identification.rod_run import wind
 from winding_core.cable.cases import paper_case
 from winding_core.lay.quasi_static import QuasiStaticLay
 from winding_core.machine.tension import DeadWeight
-from winding_core.planned_inputs import planned_inputs
+from winding_core.run_inputs import planned_inputs
 from winding_study.identification.constants import identify_constants
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]

@@ -17,7 +17,7 @@ from mutations import VALID, Wrong, all_of_them, of_values
 from typer.testing import CliRunner, Result
 
 from winding_cli.app import app
-from winding_cli.cell.cell_template import schema, template
+from winding_cli.commands.cell import schema, template
 from winding_cli.run.configuration import configured
 from winding_cli.terminal.record_options import spelled
 from winding_core.parameters import ParameterError

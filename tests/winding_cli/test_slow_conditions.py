@@ -9,8 +9,7 @@ from typer.testing import CliRunner
 
 from cable_fem_node.winding.expected_cost import falling_behind
 from winding_cli.app import app
-from winding_cli.run.configuration import configured
-from winding_cli.run.keeping_up import warn_of_slowness
+from winding_cli.run.configuration import configured, warn_of_slowness
 from winding_core.run_spec import RunSpec
 from winding_ros.topics import FEM
 from winding_study.run_parameters import RunParameters

@@ -14,8 +14,13 @@ from correction_node.models.dataset import load_data_set, parse_lengths
 from winding_core.cable.cases import Lay, paper_case, published_markers, published_weights
 from winding_core.machine.drive import DriveProfile
 from winding_reports.documents.data_table import Column, DataTable
-from winding_study.paper.case_result import CaseResult, from_arrays, to_arrays
-from winding_study.paper.comparison import compare, compare_paper
+from winding_study.paper.case_result import (
+    CaseResult,
+    compare,
+    compare_paper,
+    from_arrays,
+    to_arrays,
+)
 from winding_study.paper.paper_tables import paper_tables
 from winding_study.paper.study import (
     CaseFailedError,

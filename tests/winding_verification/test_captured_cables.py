@@ -16,9 +16,13 @@ from typer.testing import CliRunner
 
 from cable_fem_node.dynamics.state import FloatArray
 from winding_cli.app import app
-from winding_verification.experiments import held_cable
 from winding_verification.experiments import held_cable_comparison as held_cable_fit
-from winding_verification.experiments.held_cable import HeldCable, loss, predict, shape_of_its_own
+from winding_verification.experiments.held_cable_comparison import (
+    HeldCable,
+    loss,
+    predict,
+    shape_of_its_own,
+)
 from winding_verification.experiments.motion_capture import read_cable, read_run
 from winding_verification.experiments.scenario import ExternalFileError
 from winding_verification.rod.rod import Rod, RodSection
@@ -152,8 +156,10 @@ def test_run_whose_gripped_markers_are_exchanged_is_not_fitted_on(rest: np.ndarr
 
 
 def test_natural_curvature_bends_about_the_y_axis(rest: np.ndarray) -> None:
-    cable = held_cable.HeldCable(bending=0.05, viscosity=0.1, drag=0.0, natural=(2.0, 0.0), own=0.0)
-    rod = held_cable._placed(np.stack([rest, rest]), GAPS, cable)
+    cable = held_cable_fit.HeldCable(
+        bending=0.05, viscosity=0.1, drag=0.0, natural=(2.0, 0.0), own=0.0
+    )
+    rod = held_cable_fit._placed(np.stack([rest, rest]), GAPS, cable)
     first, second = rod.directors()
     binormal = rod.natural[0] * second - rod.natural[1] * first
     # The cable lies in the plane y = 0.

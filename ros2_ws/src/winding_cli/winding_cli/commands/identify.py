@@ -129,7 +129,7 @@ def _runs(sources: list[Path], weights: list[float], typed: Typed) -> list[Track
 
 def _run(source: Path, typed: Typed) -> TrackedRun:
     from cable_fem_node.identification import TrackedRun
-    from winding_core.planned_inputs import planned_inputs
+    from winding_core.run_inputs import planned_inputs
     from winding_recorder.bags.tables import topic_rows
     from winding_study.identification.sources import read_readings, recorded_run
 

@@ -15,7 +15,6 @@ from rich.console import Console
 from winding_cli.terminal.console import (
     Shown,
     busy,
-    known,
     marker_name,
     record_table,
     result_console,
@@ -40,7 +39,7 @@ from winding_cli.terminal.record_options import (
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.parameters import typed_values
 from winding_core.run_spec import SECTION_OF, RunSpec
-from winding_core.units import MILLIMETRE, MILLIRADIAN
+from winding_core.units import MILLIMETRE, MILLIRADIAN, known
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:

@@ -120,7 +120,7 @@ def compare(
     force: Force = False,
 ) -> None:
     """Show two runs side by side: what differs in condition, outcome and numbers."""
-    from winding_reports.runs.comparison import compared
+    from winding_reports.runs.run_row import compared
 
     check_output_file(json_file, "--json", force=force)
     with refused(ValueError):

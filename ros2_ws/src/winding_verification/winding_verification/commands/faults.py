@@ -38,7 +38,7 @@ def faults(
     """
     from winding_supervisor.session.interruption import Interruption, run_closing
     from winding_verification.faults import campaign
-    from winding_verification.faults.random_plans import draw_plans
+    from winding_verification.faults.campaign import draw_plans
 
     check_output_file(json, "--json", force=force)
     tried = campaign.ROWS

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from cable_fem_node.dynamics.state import FloatArray
+from winding_core.units import known
 from winding_verification.rod.rod import RodSection
 
 FREE, PINNED, CLAMPED = ENDS = ("free", "pinned", "clamped")
@@ -188,10 +189,7 @@ def _published(folder: Path) -> dict[str, dict[str, float | None]]:
     for file in sorted(folder.glob("*/result.json")):
         result = json.loads(file.read_text(encoding="utf-8"))
         metrics = result.get("metrics") or {}
-        found[str(result["solver"])] = {
-            name: None if value is None or not math.isfinite(value) else float(value)
-            for name, value in metrics.items()
-        }
+        found[str(result["solver"])] = {name: known(value) for name, value in metrics.items()}
     return found
 
 
