@@ -9,6 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
+from winding_cli.app import command_group
 from winding_cli.terminal.console import Shown, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
@@ -33,12 +34,7 @@ from winding_core.catalogue.cables import (
 from winding_core.parameters import explained, option_kind, options, typed_values
 from winding_core.units import MEGAPASCAL
 
-cable = typer.Typer(
-    help="List, show and compare the cables of the library, and add your own.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
+cable = command_group("cable")
 Name = Annotated[str, typer.Argument(help="Cable of the library, or a cable file.")]
 _DECLARED = options(Condition)
 _PROPERTY = {

@@ -13,6 +13,7 @@ import typer
 import yaml
 from rich.table import Table
 
+from winding_cli.app import command_group
 from winding_cli.run.configuration import configured
 from winding_cli.terminal.console import result_console
 from winding_cli.terminal.output_path import STANDARD_OUTPUT, check_output_file, staged
@@ -143,12 +144,7 @@ def meaning(config: RunConfig) -> Iterator[tuple[str, str]]:
         yield f"  {section}", ", ".join(shown)
 
 
-cell = typer.Typer(
-    help="Write, check and describe cell files, which `winding run` takes.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
+cell = command_group("cell")
 
 
 @cell.command()

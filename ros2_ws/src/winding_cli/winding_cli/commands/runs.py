@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.app import command_group
 from winding_cli.terminal.console import Shown, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
@@ -27,12 +28,7 @@ from winding_reports.runs.run_row import VERDICTS, RunRow, row_of_file
 if TYPE_CHECKING:
     from winding_reports.documents.data_table import DataTable
 
-runs = typer.Typer(
-    help="List, show and compare the runs of a folder, and say what drifts over them.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
+runs = command_group("runs")
 Folder = Annotated[Path, typer.Argument(help="Folder of runs, with folders in it.")]
 In = Annotated[Path, typer.Option("--folder", help="Folder of runs, in which ids are looked up.")]
 Run = Annotated[str, typer.Argument(help="Folder of a run, its run.json, or a run's id.")]

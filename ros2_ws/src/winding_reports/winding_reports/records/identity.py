@@ -10,7 +10,6 @@ from typing import Any, Self
 
 from winding_core.cable.condition import Condition
 from winding_core.parameters import Value, options, shown_values
-from winding_core.run_options import SolverOptions
 
 # What decides numbers or bytes, by the name that it is imported by.
 LIBRARIES = ("python", "numpy", "numba", "rclpy")
@@ -164,9 +163,9 @@ def condition_quantities(condition: Condition) -> dict[str, Quantity]:
     return _quantities(type(condition), values)
 
 
-def solver_quantities(solver: SolverOptions) -> dict[str, Quantity]:
-    """Return how a condition was wound, every value in the unit of its option."""
-    return _quantities(type(solver), shown_values(type(solver), vars(solver)))
+def declared_quantities(kind: type, values: Mapping[str, Value]) -> dict[str, Quantity]:
+    """Return values [SI] of fields that a record declares, each in the unit of its option."""
+    return _quantities(kind, shown_values(kind, values))
 
 
 def _quantities(kind: type, values: Mapping[str, Value]) -> dict[str, Quantity]:

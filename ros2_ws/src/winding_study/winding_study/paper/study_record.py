@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from correction_node.models.dataset import (
@@ -28,9 +28,8 @@ from correction_node.training.training import TrainingConfig
 from winding_core.cable.cases import published_markers, published_weights
 from winding_core.machine.drive import PAPER_DURATION
 from winding_core.machine.tension import DeadWeight
-from winding_core.units import MILLIMETRE
 from winding_reports.documents.data_table import DataTable, known
-from winding_reports.records.identity import Identity, Origin, Quantity
+from winding_reports.records.identity import Identity, Origin, Quantity, declared_quantities
 from winding_study.paper.case_result import CaseResult, Comparison, compare, compare_paper
 from winding_study.paper.paper_tables import (
     Factors,
@@ -41,6 +40,7 @@ from winding_study.paper.paper_tables import (
     paper_tables,
 )
 from winding_study.paper.study import ROD_SEGMENT, StudyConfig, predicted_lengths
+from winding_study.run_parameters import RunParameters
 
 PUBLISHED = "paper's simulation"
 # Models over the rig's span-tension law.
@@ -290,51 +290,27 @@ def study_identity(record: StudyRecord, origin: Origin, seeds: tuple[int, ...]) 
 
 def _wound(config: StudyConfig) -> dict[str, Quantity]:
     drive = config.drive
-    return {
-        "element": Quantity(value=config.element, label="Element", meaning="finite element"),
-        "law": Quantity(value=config.law, label="Law", meaning="material law"),
-        "segment_mm": _element_length(config),
-        "mass_scaling": Quantity(
-            value=config.scaling, label="Mass scaling", meaning="factor on the density"
-        ),
-        "free_length_mm": Quantity(
-            value=config.free_length / MILLIMETRE,
-            unit="mm",
-            label="Free length",
-            meaning="tangent span between cylinder and guide",
-        ),
-        "tension": Quantity(
-            value="dead weight" if isinstance(config.tension_law, DeadWeight) else "rig",
-            label="Span tension",
-            meaning="what pulls the span",
-        ),
-        "omega_rad_s": Quantity(
-            value=drive.angular_speed,
-            unit="rad/s",
-            label="Cylinder speed",
-            meaning="cylinder speed after the ramp",
-        ),
-        "feed_mm_s": Quantity(
-            value=drive.feed_speed / MILLIMETRE,
-            unit="mm/s",
-            label="Carriage speed",
-            meaning="carriage speed after the ramp",
-        ),
-        "ramp_time_s": Quantity(
-            value=drive.ramp_time, unit="s", label="Ramp time", meaning="time of the speed ramp"
-        ),
-        "duration_s": Quantity(
-            value=config.duration, unit="s", label="Duration", meaning="simulated length of a run"
-        ),
-    }
-
-
-def _element_length(config: StudyConfig) -> Quantity:
-    label, meaning = "Element length", "reference length of an element"
+    found = declared_quantities(
+        RunParameters,
+        {
+            "element": config.element,
+            "law": config.law,
+            "segment_length": config.segment_length or ROD_SEGMENT,
+            "mass_scaling": config.scaling,
+            "free_length": config.free_length,
+            "angular_speed": drive.angular_speed,
+            "feed_speed": drive.feed_speed,
+            "ramp_time": drive.ramp_time,
+            "duration": config.duration,
+        },
+    )
     if config.segment_length is None and config.element == "solid":
-        return Quantity(value="a sixth of the cylinder's diameter", label=label, meaning=meaning)
-    length = config.segment_length or ROD_SEGMENT
-    return Quantity(value=length / MILLIMETRE, unit="mm", label=label, meaning=meaning)
+        sixth = "a sixth of the cylinder's diameter"
+        found["segment_mm"] = replace(found["segment_mm"], value=sixth, unit="")
+    tension = "dead weight" if isinstance(config.tension_law, DeadWeight) else "rig"
+    return found | {
+        "tension": Quantity(value=tension, label="Span tension", meaning="what pulls the span")
+    }
 
 
 # Returns the tables of evidence, `within` and `noise` of a StudyRecord, from measured cells.
