@@ -51,13 +51,7 @@ _TOLERANCE = 0.25
 
 
 class CommandProbe:
-    """Commands the carriage of a machine that is free to move.
-
-    Args:
-        client: The node that commands.
-        axes: Joints of the machine.
-        probe: Hears the machine, and asks its services.
-    """
+    """Commands the carriage of a machine that is free to move."""
 
     def __init__(self, client: AsyncClient, axes: MachineAxes, probe: Probe) -> None:
         self._axes = axes

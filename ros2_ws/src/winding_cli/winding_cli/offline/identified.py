@@ -180,12 +180,7 @@ def _beside(measured: float | None, s: float) -> dict[str, float | None]:
 
 
 def rig_record(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> dict[str, Any]:
-    """Return the posterior as JSON, SI units.
-
-    Args:
-        posterior: Of the runs' first markers.
-        runs: With all markers that were measured.
-    """
+    """Return the posterior as JSON, SI units."""
     return {
         "rig": {
             name: dataclasses.asdict(belief)

@@ -42,11 +42,6 @@ class DrumPlanParameters(DrumParameters):
     def program(self, wound: WoundDrum, what: ResolvedCondition, limits: PlanLimits) -> LayProgram:
         """Return the program that fills the drum, with the pull on each layer.
 
-        Args:
-            wound: The drum.
-            what: What is wound.
-            limits: Of the machine.
-
         Raises:
             DrumError: A pull is none of the brake's, or more than the cable carries.
         """
