@@ -74,7 +74,7 @@ class DataSet:
 
     @property
     def sha256(self) -> str:
-        """Digest of the lengths, conditions and stated moduli, to nine digits."""
+        """Digest of the lengths, conditions and configured moduli, to nine digits."""
         left_out = {"z_exp", "sigma", "cable", *(() if self.own else ("young",))}
         names = [item.name for item in fields(LengthCell) if item.name not in left_out]
         rows = (",".join(f"{getattr(cell, name):.9g}" for name in names) for cell in self.cells)

@@ -179,7 +179,7 @@ def learn_own(data: DataSet, progress: Progress, law: str = "linear") -> Learned
 def learn_places(
     cells: Sequence[LengthCell], held_out: Array
 ) -> tuple[PlaceModel | None, dict[str, Any]]:
-    """Return where markers of a length lie and what the card says of it; None without measured z.
+    """Return where markers of a length lie and the card's entry; None without measured z.
 
     Args:
         cells: Measured cells.

@@ -45,7 +45,7 @@ DEAD_MAN = 0.5
 _LATE = 2.0
 _LISTEN = 0.6
 _FOLLOWED = 1.5
-# Of the feed speed, so that the carriage's own programme is told from a command.
+# Of the feed speed, so that the carriage's own programme is distinguished from a command.
 _SHARE = 0.5
 _TOLERANCE = 0.25
 
@@ -112,7 +112,7 @@ class CommandProbe:
         )
         _, omega, _, feed = self._probe.encoder.values[-1]
         going = f"{late}; it went on at {omega:.3g} rad/s and {feed / MILLIMETRE:.3g} mm/s"
-        # A stop that nobody has asked for may be latched.
+        # A stop may be latched without a request.
         await self._probe.ask("rig/stop" if late else "rig/reset")
         return Finding(
             promise=f"rig/joint_targets end in motion: both axes stand within {within:g} s",

@@ -94,14 +94,14 @@ def _wound(notes: Mapping[str, str]) -> str:
     from winding_core.cable.condition import Condition
     from winding_core.parameters import shown_values
 
-    stated: dict[str, Any] = {}
+    recorded: dict[str, Any] = {}
     try:
         for name, text in notes.items():
             if name.startswith(PARAMETERS):
-                stated |= json.loads(text)
+                recorded |= json.loads(text)
     except (TypeError, ValueError):
         return "not readable"
-    return ", ".join(f"{name} {value}" for name, value in shown_values(Condition, stated).items())
+    return ", ".join(f"{name} {value}" for name, value in shown_values(Condition, recorded).items())
 
 
 @bag.command()

@@ -151,25 +151,25 @@ def add(
         file = folder / f"{check_name(name)}.yaml"
         made = find_cable(like, library) if like else Cable(name=name, title=name)
         sources = dict(made.sources)
-        stated: dict[str, Any] = {}
+        given: dict[str, Any] = {}
         deviations: dict[str, float] = {}
         if identified is not None:
-            stated, deviations = _identified(identified)
-            sources |= dict.fromkeys(stated, f"winding identify, {identified.name}")
+            given, deviations = _identified(identified)
+            sources |= dict.fromkeys(given, f"winding identify, {identified.name}")
         typed_values(Condition, typed, spelled)
-        stated |= typed
+        given |= typed
         deviations |= dict(map(_deviation, uncertainty or ()))
         if source:
             sources |= dict.fromkeys(typed, source)
         # What is known of another value is not known of this one.
-        kept = {key: sigma for key, sigma in made.uncertainty.items() if key not in stated}
+        kept = {key: sigma for key, sigma in made.uncertainty.items() if key not in given}
         made = check_cable(
             replace(
                 made,
                 name=name,
                 title=title or made.title,
                 source=source or made.source,
-                properties={**made.properties, **stated},
+                properties={**made.properties, **given},
                 uncertainty={**kept, **deviations},
                 sources={key: text for key, text in sources.items() if text},
             )
@@ -205,18 +205,18 @@ def _identified(file: Path) -> tuple[dict[str, Any], dict[str, float]]:
         young, sigma = (
             float(found[key]) / MEGAPASCAL for key in _KEYS["laws" if "laws" in record else ""]
         )
-        stated = {"young_mpa": young, "law": str(found["law"])}
-        if stated["law"] == "mooney_rivlin" and "share" in found:
-            stated["mooney_ratio"] = float(found["share"]) / (1.0 - float(found["share"]))
-        elif stated["law"] == "mooney_rivlin":
-            stated["mooney_ratio"] = float(found["c01_pa"]) / float(found["c10_pa"])
+        given = {"young_mpa": young, "law": str(found["law"])}
+        if given["law"] == "mooney_rivlin" and "share" in found:
+            given["mooney_ratio"] = float(found["share"]) / (1.0 - float(found["share"]))
+        elif given["law"] == "mooney_rivlin":
+            given["mooney_ratio"] = float(found["c01_pa"]) / float(found["c10_pa"])
     except OSError as error:
         raise CableError(f"{file} cannot be read: {error.strerror or error}") from error
     except CableError:
         raise
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError) as error:
         raise CableError(f"{file} is no result of winding identify with a modulus") from error
-    return stated, {"young_mpa": sigma}
+    return given, {"young_mpa": sigma}
 
 
 _KEYS = {"laws": ("young", "young_standard_error"), "": ("young_pa", "standard_error_pa")}

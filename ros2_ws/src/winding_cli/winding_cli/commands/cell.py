@@ -134,10 +134,10 @@ def meaning(config: RunConfig) -> Iterator[tuple[str, str]]:
     yield "written", ", ".join(map(str, files))
     for section, declared in OPTIONS.items():
         record = getattr(spec, section)
-        stated = {key: spec.given[key] for key in declared if key in spec.given}
-        values = shown_values(SECTIONS[section], vars(record)) | stated
+        typed = {key: spec.given[key] for key in declared if key in spec.given}
+        values = shown_values(SECTIONS[section], vars(record)) | typed
         if section == "condition":
-            values = spec.condition.as_typed(stated)
+            values = spec.condition.as_typed(typed)
         shown = (
             f"{key} {value}" for key, value in values.items() if value or declared[key].default
         )

@@ -69,7 +69,9 @@ def identify(
     ] = False,
     known_tension: Annotated[
         bool,
-        typer.Option("--known-tension", help="With --rig: the stated tension is the span's own."),
+        typer.Option(
+            "--known-tension", help="With --rig: the configured tension is the span's own."
+        ),
     ] = False,
     fixing_mm: Annotated[
         float | None,
@@ -158,10 +160,10 @@ def _recorded_config(source: Path, typed: Typed) -> WindingConfig:
     if "case" in typed or "cylinder_diameter_mm" in typed:
         return RunParameters.from_typed(typed, spelling=spelled).plan().config
     try:
-        stated = recorded_parameters(source, FEM)
+        recorded = recorded_parameters(source, FEM)
     except BagError as error:
         raise BagError(f"{source} does not say what was wound: give --case") from error
-    config = configuration_of(FemParameters, stated, FEM).winding_config()
+    config = configuration_of(FemParameters, recorded, FEM).winding_config()
     return dataclasses.replace(config, law=str(typed.get("law", RunParameters.law)))
 
 

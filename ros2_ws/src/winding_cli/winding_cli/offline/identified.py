@@ -41,7 +41,7 @@ _WITHIN = Shown("within, mm", "half_width_90_m", ".2f", MILLIMETRE)
 # Name, what people read, and one printed unit in SI.
 _RIG = (
     ("young", "E, MPa", MEGAPASCAL),
-    ("effective_young", "E under the stated tension, MPa", MEGAPASCAL),
+    ("effective_young", "E under the configured tension, MPa", MEGAPASCAL),
     ("free_length", "free length, mm", MILLIMETRE),
     ("load_share", "load share", 1.0),
     ("guide_drag", "guide drag, N", 1.0),

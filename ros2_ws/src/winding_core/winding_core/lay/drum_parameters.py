@@ -67,7 +67,7 @@ class DrumWinding:
         Args:
             drum: What is filled.
             cable_diameter: [m]
-            layers: Count of layers; None where the length says how much.
+            layers: Count of layers; None where a length is given.
             length: Of cable on the drum [m]; None where the layers do.
 
         Raises:
@@ -321,7 +321,7 @@ class DrumParameters(DrumShape):
 
     @property
     def filled(self) -> bool:
-        """Whether it is said how much cable goes on the drum."""
+        """Whether layers or a length are configured."""
         return bool(self.layers or self.length)
 
     def wind(self, case: Case, pitch: float | None) -> WoundDrum:
@@ -333,7 +333,7 @@ class DrumParameters(DrumShape):
 
         Raises:
             ParameterError: There is no drum.
-            DrumError: The cable would leave the drum, or it is not said how much goes on it.
+            DrumError: The cable would leave the drum, or has neither layers nor length.
         """
         drum = self.drum(case)
         if drum is None:

@@ -78,14 +78,14 @@ class Origin:
             ValueError: It is not one.
         """
         try:
-            stated = json.loads(text)
+            recorded = json.loads(text)
             return cls(
-                run_id=str(stated["run_id"]),
-                began=datetime.fromisoformat(stated["date"]),
-                project_version=str(stated["project_version"]),
-                versions={str(k): str(v) for k, v in stated["versions"].items()},
-                host=str(stated["host"]),
-                labels={str(k): str(v) for k, v in stated.get("labels", {}).items()},
+                run_id=str(recorded["run_id"]),
+                began=datetime.fromisoformat(recorded["date"]),
+                project_version=str(recorded["project_version"]),
+                versions={str(k): str(v) for k, v in recorded["versions"].items()},
+                host=str(recorded["host"]),
+                labels={str(k): str(v) for k, v in recorded.get("labels", {}).items()},
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"not the origin of a run: {error!r}") from error

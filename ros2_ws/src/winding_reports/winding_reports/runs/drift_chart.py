@@ -29,7 +29,7 @@ ALLOWANCE, LIMIT = 0.5, 5.5
 AVERAGE_RUN_LENGTH = 760
 # So many values state a level before the next one is judged.
 FIRST = 4
-# Beyond these a normal deviate says no more.
+# Beyond these a normal deviate is saturated.
 _LARGEST = 8.0
 _SIGMAS = 3.0
 _SLOPE_VALUES = 10

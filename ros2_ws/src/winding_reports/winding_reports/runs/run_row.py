@@ -16,7 +16,7 @@ UNHEALTHY, UNREADABLE, BROKEN_OFF, TWIN = "unhealthy", "unreadable", "broken off
 VERDICTS = (*(verdict.value for verdict in Verdict), UNHEALTHY, UNREADABLE, BROKEN_OFF, TWIN)
 # No run's numbers are larger [bytes].
 _LARGEST = 50_000_000
-# Options that may differ between runs of one series: labels, lengths, the same said twice.
+# Options that may differ between runs of one series: labels, lengths, redundant options.
 _NOT_OF_A_SERIES = ("case", "duration_s", "markers", "tension_mpa", "guide_distance_mm")
 
 
@@ -158,12 +158,12 @@ def _cable_name(case: int | None, condition: object) -> str | None:
 def _digest(condition: object) -> str:
     if not isinstance(condition, dict):
         return ""
-    stated = sorted(
+    conditions = sorted(
         (name, str(_at(item, "value")))
         for name, item in condition.items()
         if name not in _NOT_OF_A_SERIES
     )
-    return hashlib.sha256(repr(stated).encode()).hexdigest()[:12]
+    return hashlib.sha256(repr(conditions).encode()).hexdigest()[:12]
 
 
 def _at(content: object, *keys: str) -> Any:
@@ -190,7 +190,7 @@ def _number(content: object, *keys: str) -> float | None:
     return float(found) if known and math.isfinite(found) else None
 
 
-# What a row of the index says of the file and not of the run.
+# Fields that describe the file and not the run.
 _OF_THE_INDEX = ("series", "healthy", "good")
 
 
@@ -249,8 +249,8 @@ def _markers(runs: list[Any]) -> Iterator[dict[str, Any]]:
 
 
 def _condition(runs: list[Any]) -> Iterator[dict[str, Any]]:
-    stated = [run["identity"].get("condition", {}) for run in runs]
-    for name in sorted(stated[0].keys() | stated[1].keys()):
-        values = [condition.get(name, {}).get("value") for condition in stated]
+    conditions = [run["identity"].get("condition", {}) for run in runs]
+    for name in sorted(conditions[0].keys() | conditions[1].keys()):
+        values = [condition.get(name, {}).get("value") for condition in conditions]
         if values[0] != values[1]:
             yield _row(name, *values)

@@ -20,7 +20,7 @@ from winding_reports.runs.drift_chart import (
 )
 from winding_reports.runs.run_row import RunRow
 
-# A forecast beyond so many runs says nothing.
+# A forecast beyond so many runs is meaningless.
 _FARTHEST = 200
 
 

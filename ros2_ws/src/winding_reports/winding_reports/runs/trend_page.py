@@ -147,8 +147,8 @@ def _picture(trend: Trend) -> Picture:
             axes.set_xlim(0.5, len(number) + 0.5)
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         newest = chart.drifts[-1] if chart.drifts else None
-        said = "No drift." if newest is None else f"{trend.sentence(newest)}."
-        return picture(figure, heading, said[0].upper() + said[1:])
+        sentence = "No drift." if newest is None else f"{trend.sentence(newest)}."
+        return picture(figure, heading, sentence[0].upper() + sentence[1:])
 
 
 def _ranged(axes: Axes, trend: Trend) -> None:

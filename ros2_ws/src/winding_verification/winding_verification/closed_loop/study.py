@@ -182,7 +182,7 @@ def _wound(case: int, seed: int, truth: str, mode: str, config: ClosedLoopConfig
 def _within_reach(
     control: ControlParameters, what: ResolvedCondition, wanted: WantedLay
 ) -> dict[int, float]:
-    """Return where markers land [rad] under a share of the weight, if all is as believed."""
+    """Return where markers land [rad] under a share of the weight, without errors."""
     case = what.case
     watching = control.controller(what, wanted, markers={1: 1.0}, mode=ControlMode.WATCH)
     assert watching.landing is not None

@@ -110,7 +110,7 @@ class Drawn:
         return sum(bool(one.names & self.named) for one in self.wrong)
 
     @property
-    def innocent(self) -> bool:
+    def misnamed(self) -> bool:
         """Whether others are named, and none of the wrong ones."""
         return bool(self.named) and not self.right
 
@@ -146,10 +146,10 @@ def drawn_summary(runs: Iterable[Drawn]) -> str:
         (
             f"right configurations: {len(right)}, alarms {sum(bool(one.named) for one in right)}",
             f"single: {len(single)}, named {sum(one.right for one in single)}, "
-            f"innocent {sum(one.innocent for one in single)}",
+            f"misnamed {sum(one.misnamed for one in single)}",
             f"pairs: {len(pairs)}, both named {sum(one.right == 2 for one in pairs)}, "
             f"one {sum(one.right == 1 for one in pairs)}, "
-            f"innocent {sum(one.innocent for one in pairs)}",
+            f"misnamed {sum(one.misnamed for one in pairs)}",
             f"CPU an estimate: {1.0e3 * sum(one.cpu for one in found) / len(found):.1f} ms",
         )
     )

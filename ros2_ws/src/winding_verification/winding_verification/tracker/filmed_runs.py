@@ -61,15 +61,15 @@ class Outcome:
         if self.right:
             return "named"
         if self.named:
-            return "innocent"
+            return "misnamed"
         return "harmless" if self.corrected else ("silent" if self.healthy else "unhealthy")
 
     def __str__(self) -> str:
         wrong = f"{self.wrong.number} {self.wrong.size:+.4g}" if self.wrong.number else "right"
-        said = "".join(f"\n    {text}" for text in self.sentences)
+        texts = "".join(f"\n    {text}" for text in self.sentences)
         return (
             f"{self.seed} {wrong}: {self.kind}, {', '.join(self.named) or '-'}, "
-            f"known {self.known}, worst {self.far:.1f} sigma, refused {self.refused}{said}"
+            f"known {self.known}, worst {self.far:.1f} sigma, refused {self.refused}{texts}"
         )
 
 
