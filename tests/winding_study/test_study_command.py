@@ -27,7 +27,7 @@ from correction_node.training.comparison import (
     ModelScore,
 )
 from correction_node.training.evaluation import cell_errors_pct
-from correction_node.training.learners import RIG
+from correction_node.training.training import RIG
 from winding_cli.app import app
 from winding_cli.terminal.refusal import REFUSED
 from winding_cli.terminal.termination import INTERRUPTED

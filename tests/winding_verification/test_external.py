@@ -16,8 +16,7 @@ from typer.testing import CliRunner
 from winding_cli.app import app
 from winding_verification.experiments import cosserat_experiments as experiments
 from winding_verification.experiments.comparison import compare, found_experiments
-from winding_verification.experiments.external_row import ExternalRow
-from winding_verification.experiments.scenario import ExternalFileError, read_scenario
+from winding_verification.experiments.scenario import ExternalFileError, ExternalRow, read_scenario
 
 GRAVITY = 9.81
 

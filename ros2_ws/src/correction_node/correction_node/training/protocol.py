@@ -24,8 +24,14 @@ from correction_node.training.evaluation import (
     score_fit,
     without_each_case,
 )
-from correction_node.training.learners import LEARNERS, NETWORK, OWN, PROCESS, Learner
-from correction_node.training.training import TrainingConfig
+from correction_node.training.training import (
+    LEARNERS,
+    NETWORK,
+    OWN,
+    PROCESS,
+    Learner,
+    TrainingConfig,
+)
 
 __all__ = ["NETWORK", "HeldOut", "Learned", "Progress", "learn", "learn_and_hold_out", "verdict"]
 

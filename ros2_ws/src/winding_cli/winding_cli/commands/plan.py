@@ -33,8 +33,7 @@ from winding_cli.terminal.record_options import (
 )
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE, known
-from winding_study.plans.drum_plan import DrumPlanParameters, drum_record
-from winding_study.plans.plan_parameters import PlanParameters
+from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:

@@ -23,9 +23,8 @@ from winding_reports.documents.picture import (
     canvas,
     picture,
 )
-from winding_reports.runs.drift_chart import AVERAGE_RUN_LENGTH, FIRST, LIMIT
 from winding_reports.runs.run_row import RunRow
-from winding_reports.runs.trend import Trend, announcements
+from winding_reports.runs.trend import AVERAGE_RUN_LENGTH, FIRST, LIMIT, Trend, announcements
 
 MOST_PICTURES, MOST_RUNS, MOST_SENTENCES = 6, 30, 8
 _TEMPLATE = "trend.html.j2"

@@ -23,8 +23,7 @@ from correction_node.training.comparison import (
     compare_models,
 )
 from correction_node.training.evaluation import cell_errors_pct
-from correction_node.training.learners import NETWORK, RIG, RIG_NETWORK
-from correction_node.training.training import TrainingConfig
+from correction_node.training.training import NETWORK, RIG, RIG_NETWORK, TrainingConfig
 from winding_core.cable.cases import published_markers, published_weights
 from winding_core.machine.drive import PAPER_DURATION
 from winding_core.machine.tension import DeadWeight

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from correction_node.training.comparison import RIG_PROCESS
-from correction_node.training.learners import LEARNERS, RIG
+from correction_node.training.training import LEARNERS, RIG
 from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_reports.documents.page import PAGE, Tile, render_page

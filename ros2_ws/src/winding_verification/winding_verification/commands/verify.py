@@ -16,7 +16,7 @@ from winding_cli.terminal.output_path import Force, Json, check_output_file, wri
 from winding_cli.terminal.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
-    from winding_verification.experiments.external_row import ExternalRow
+    from winding_verification.experiments.scenario import ExternalRow
     from winding_verification.solver.suite import Row
 
 _Row = TypeVar("_Row")

@@ -11,9 +11,8 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from cable_fem_node.dynamics.state import DivergenceError, FloatArray
-from winding_verification.experiments.external_row import ExternalRow
 from winding_verification.experiments.motion_capture import FRAME_TIME, CapturedCable
-from winding_verification.experiments.scenario import ExternalFileError
+from winding_verification.experiments.scenario import ExternalFileError, ExternalRow
 from winding_verification.rod.rod import Rod, RodSection
 
 GRAVITY = (0.0, 0.0, -9.81)

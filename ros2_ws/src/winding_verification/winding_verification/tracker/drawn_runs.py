@@ -15,8 +15,7 @@ from marker_tracker_node.detection.band import Band, band_centroid, solve_band
 from marker_tracker_node.tracking.estimator.contradictions import explained
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import Seen
-from winding_verification.tracker.scenes import World
-from winding_verification.tracker.wrong_numbers import WrongNumber, every_number
+from winding_verification.tracker.scenes import World, WrongNumber, every_number
 
 # Within these azimuths bands are measured [rad].
 _USABLE = 1.08

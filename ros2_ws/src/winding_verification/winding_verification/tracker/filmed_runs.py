@@ -17,8 +17,7 @@ from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag
-from winding_verification.tracker.scenes import World
-from winding_verification.tracker.wrong_numbers import RIGHT, WrongNumber, every_number
+from winding_verification.tracker.scenes import RIGHT, World, WrongNumber, every_number
 
 ByteArray = NDArray[np.uint8]
 
