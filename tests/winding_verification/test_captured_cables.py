@@ -12,10 +12,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from in_process import winding
 
 from cable_fem_node.dynamics.state import FloatArray
-from winding_cli.app import app
 from winding_verification.experiments import held_cable_comparison as held_cable_fit
 from winding_verification.experiments.held_cable_comparison import (
     HeldCable,
@@ -201,7 +200,7 @@ def test_command_fits_predicts_and_compares(tmp_path: Path, rest: np.ndarray) ->
     write_losses(tmp_path, "DLO7", [0.02, 0.01])
     table = tmp_path / "rows.json"
     words = ["verify", "deform", "--external", str(tmp_path), "--json", str(table)]
-    done = CliRunner().invoke(app, words)
+    done = winding(tmp_path, *words)
     assert done.exit_code == 0, done.output
     error, time, share = json.loads(table.read_text())
     assert error["published"] == {"DEFORM": 0.01}
@@ -224,6 +223,6 @@ def test_cable_without_one_of_its_splits_is_refused(
 ) -> None:
     run = np.random.default_rng(4).standard_normal((4, 6, 3))
     write_run(tmp_path / "DLO7" / split / "1.pkl", run)
-    done = CliRunner().invoke(app, ["verify", "deform", "--external", str(tmp_path)])
+    done = winding(tmp_path, "verify", "deform", "--external", tmp_path)
     assert done.exit_code == 2
     assert sentence in " ".join(done.output.split())

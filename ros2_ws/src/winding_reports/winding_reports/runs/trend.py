@@ -1,7 +1,8 @@
 """What drifts over runs: every quantity of every series of runs on a chart of its own.
 
-A control chart needs no known level: self-starting CUSUM (Hawkins 1987, Journal of Quality Technology 19; Hawkins and Olwell 1998,
-chapter 7). Each value is held against all before it since the last announcement,
+A chart needs no known level: self-starting CUSUM (Hawkins 1987, Journal of Quality Technology 19;
+Hawkins and Olwell 1998, chapter 7). Each value is held against all before it since the last
+announcement,
 
     t = (x - mean) / (s sqrt(1 + 1 / m)),    u = Phi^-1(F_nu(t)),
     C+ = max(0, C+ + u - k),    C- = max(0, C- - u - k),    announced above h.
