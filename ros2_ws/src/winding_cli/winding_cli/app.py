@@ -44,7 +44,7 @@ SUMMARIES = {
 }
 
 # Module of a command that does not have one of its own name.
-_MODULES = {"board": "camera", "calibrate": "camera"}
+_MODULES = {"board": "camera", "calibrate": "camera", "health": "graph"}
 
 
 def _installed() -> dict[str, EntryPoint]:
