@@ -62,8 +62,7 @@ def list_cables(library: Library = None, json_file: Json = None, force: Force = 
     with refused(CableError):
         found = list(cables(library).values())
     result_console().print(record_table(_LISTED, found, words=3))
-    if json_file is not None:
-        write_json(json_file, {"cables": [_record(item) for item in found]})
+    write_json(json_file, {"cables": [_record(item) for item in found]})
 
 
 @cable.command()
@@ -90,8 +89,7 @@ def show(name: Name, library: Library = None, json_file: Json = None, force: For
     ):
         if text:
             console.print(f"{subject}: {text}", highlight=False, soft_wrap=True)
-    if json_file is not None:
-        write_json(json_file, {"cables": [_record(found)]})
+    write_json(json_file, {"cables": [_record(found)]})
 
 
 @cable.command()
@@ -118,9 +116,8 @@ def compare(
         Shown("standard deviations apart", lambda row: row[3], ".1f"),
     )
     result_console().print(record_table(columns, rows, words=1))
-    if json_file is not None:
-        apart = {row[0]: row[3] for row in rows}
-        write_json(json_file, {"cables": [*map(_record, pair)], "deviations_apart": apart})
+    apart = {row[0]: row[3] for row in rows}
+    write_json(json_file, {"cables": [*map(_record, pair)], "deviations_apart": apart})
 
 
 @cable.command()

@@ -1,4 +1,4 @@
-"""`winding graph` and `winding health`: the graph as text, picture, policy; is a running one heard?"""
+"""`winding graph`, `winding health`: the graph as text, picture and policy; is one running?"""
 
 from __future__ import annotations
 

@@ -104,8 +104,7 @@ def identify(
                 record = _rig(runs, use, prior)
             else:
                 record = _identified(runs, use)
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
     if record.get("refused"):
         refuse(record["refused"], FAILED)
 

@@ -186,8 +186,7 @@ def plan(
 
         with staged(picture) as place:
             write_plan_picture(planned, laid, place, picture.suffix.lower())
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
     if missed:
         refuse(missed, FAILED)
 

@@ -164,8 +164,7 @@ def predict(
                 "s_m": list(map(known, error.s)),
             }
     _print(result, record)
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
 
 
 def _parameters(

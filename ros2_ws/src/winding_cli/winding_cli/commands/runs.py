@@ -103,8 +103,7 @@ def show(run: Run, folder: In = Path("runs"), json_file: Json = None, force: For
     pairs = [(name, value) for name, value in row._asdict().items() if value is not None]
     columns = (Shown("what", lambda pair: pair[0]), Shown("value", lambda pair: _text(pair[1])))
     console.print(record_table(columns, pairs, words=2))
-    if json_file is not None:
-        write_json(json_file, {"counts": {row.verdict: 1}, "runs": [row._asdict()]})
+    write_json(json_file, {"counts": {row.verdict: 1}, "runs": [row._asdict()]})
 
 
 @runs.command()
@@ -128,8 +127,7 @@ def compare(
         Shown("difference", lambda item: _text(item["difference"])),
     )
     result_console().print(record_table(columns, record["rows"], words=3))
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
 
 
 @runs.command()

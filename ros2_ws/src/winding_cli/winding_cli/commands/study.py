@@ -164,8 +164,7 @@ def study(
     )
     _show(record)
     identity = study_identity(record, origin_here(), drawn)
-    if json is not None:
-        write_json(json, {"identity": identity.as_json(), **record.as_json()})
+    write_json(json, {"identity": identity.as_json(), **record.as_json()})
     if lengths is not None:
         with staged(lengths) as place:
             text = format_lengths(predicted_lengths(record.results))
@@ -245,8 +244,7 @@ def _calibrate(law: str | None, json: Path | None) -> None:
         f"{fitted.leave_one_case_out_rms_pct:.2f} % leave-one-case-out. The form of the law was "
         "found on these very cells, so even the left-out number flatters it."
     )
-    if json is not None:
-        write_json(json, {"calibration": fitted.as_json()})
+    write_json(json, {"calibration": fitted.as_json()})
 
 
 def _print(console: Console, table: DataTable) -> None:

@@ -159,8 +159,7 @@ def track(
     )
     for item in result.shown():
         result_console().print(item, soft_wrap=isinstance(item, str))
-    if json_file is not None:
-        write_json(json_file, result.record())
+    write_json(json_file, result.record())
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
 
@@ -206,15 +205,7 @@ def _measure(
     for t, frame in frames:
         while readings and readings[0][0] <= t + ahead:
             at, angle, guide = readings.popleft()
-            live.add_reading(
-                at,
-                AxisReading(
-                    cylinder_angle=angle,
-                    angular_speed=math.nan,
-                    carriage_position=guide,
-                    feed_speed=math.nan,
-                ),
-            )
+            live.add_reading(at, AxisReading.of_positions(angle, guide))
         live.add_frame(t, frame)
         yield from live.measured(final=True)
 

@@ -60,7 +60,6 @@ def faults(
         outcomes = run_closing(work)
     passed = sum(outcome.passed for outcome in outcomes)
     typer.echo(f"{passed} of {len(outcomes)} runs came out as they had to")
-    if json is not None:
-        write_json(json, [outcome.as_record() for outcome in outcomes])
+    write_json(json, [outcome.as_record() for outcome in outcomes])
     if passed < len(outcomes):
         raise typer.Exit(FAILED)

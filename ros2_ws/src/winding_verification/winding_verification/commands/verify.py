@@ -44,8 +44,7 @@ def verify(
         passed, records = _compare_external(external, problems or [])
     else:
         refuse(f"--external: there is no folder {external}")
-    if json_file is not None:
-        write_json(json_file, records)
+    write_json(json_file, records)
     if not passed:
         raise typer.Exit(FAILED)
 

@@ -83,15 +83,7 @@ def outcome(world: World, frames: list[ByteArray], seed: int, wrong: WrongNumber
         stamp = wrong.stamp(true)
         for t in sampled:
             angle, guide = wrong.reading(world.encoder(t)), wrong.guide(world.position(t)[1])
-            live.add_reading(
-                t,
-                AxisReading(
-                    cylinder_angle=angle,
-                    angular_speed=math.nan,
-                    carriage_position=guide,
-                    feed_speed=math.nan,
-                ),
-            )
+            live.add_reading(t, AxisReading.of_positions(angle, guide))
             if t > stamp + 0.3:
                 break
         live.add_frame(stamp, frame)
