@@ -26,7 +26,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import paper_case, published_markers
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers, is_wound
-from winding_core.planned_inputs import planned_inputs
+from winding_core.run_inputs import planned_inputs
 
 DRIVE = DriveProfile()
 CASES = range(1, 13)

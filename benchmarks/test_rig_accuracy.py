@@ -32,7 +32,7 @@ from cable_fem_node.identification.rod_run import wind
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import paper_case, published_markers
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
-from winding_core.planned_inputs import planned_inputs
+from winding_core.run_inputs import planned_inputs
 
 RIGS = int(os.environ.get("WINDING_RIGS", "40"))
 FINE = 2.5e-3

@@ -14,7 +14,7 @@ from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import is_wound
-from winding_core.planned_inputs import planned_inputs
+from winding_core.run_inputs import planned_inputs
 
 Model = TypeVar("Model", bound=WindingModel)
 

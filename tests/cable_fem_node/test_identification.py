@@ -26,7 +26,7 @@ from winding_core.cable.cases import paper_case
 from winding_core.catalogue.cables import find_cable
 from winding_core.lay.quasi_static import QuasiStaticLay
 from winding_core.machine.tension import DeadWeight
-from winding_core.planned_inputs import planned_inputs
+from winding_core.run_inputs import planned_inputs
 from winding_study.identification.constants import identify_constants
 from winding_study.run_parameters import RunParameters
 

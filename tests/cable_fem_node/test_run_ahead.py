@@ -17,8 +17,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import AbandonedError, RunAhead, replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import Markers, is_wound
-from winding_core.planned_inputs import continued_inputs, planned_inputs
-from winding_core.run_inputs import RunHistory
+from winding_core.run_inputs import RunHistory, continued_inputs, planned_inputs
 
 DURATION = 8.0
 PROGRAM = """

@@ -12,12 +12,11 @@ from typing import Any
 
 import pytest
 import yaml
+from in_process import winding
 from jsonschema import Draft202012Validator
 from mutations import VALID, Wrong, all_of_them, of_values
-from typer.testing import CliRunner, Result
 
-from winding_cli.app import app
-from winding_cli.cell.cell_template import schema, template
+from winding_cli.commands.cell import schema, template
 from winding_cli.run.configuration import configured
 from winding_cli.terminal.record_options import spelled
 from winding_core.parameters import ParameterError
@@ -39,11 +38,6 @@ def words_of(values: dict[str, Any]) -> list[str]:
             text = ",".join(map(str, value)) if isinstance(value, list) else str(value)
             words.append(f"{spelled(key)}={text}")
     return words
-
-
-def winding(folder: Path, *words: object) -> Result:
-    with contextlib.chdir(folder):
-        return CliRunner().invoke(app, [*map(str, words)])
 
 
 @pytest.fixture

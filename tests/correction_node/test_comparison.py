@@ -25,9 +25,15 @@ from correction_node.training.comparison import (
     learn_process,
 )
 from correction_node.training.evaluation import BASELINES, cell_errors_pct
-from correction_node.training.learners import LEARNERS, MARKER_NETWORK, NETWORK, RIG, RIG_NETWORK
 from correction_node.training.protocol import learn, verdict
-from correction_node.training.training import TrainingConfig
+from correction_node.training.training import (
+    LEARNERS,
+    MARKER_NETWORK,
+    NETWORK,
+    RIG,
+    RIG_NETWORK,
+    TrainingConfig,
+)
 from winding_core.cable.cases import paper_case, published_markers, published_weights
 
 # Every model is trained as long as the shipped ones.

@@ -30,8 +30,7 @@ from correction_node.models.weights import (
 )
 from correction_node.ros.parameters import CorrectionParameters
 from correction_node.training.evaluation import cell_errors_pct
-from correction_node.training.learners import LEARNERS
-from correction_node.training.training import TrainingConfig
+from correction_node.training.training import LEARNERS, TrainingConfig
 from winding_core.cable.cases import paper_case, paper_cases, published_markers
 
 PAPER = weights_directory("paper")

@@ -13,9 +13,8 @@ from correction_node.models.dataset import lengths
 from correction_node.models.factor_models import ProcessModel
 from correction_node.models.own_runs import OWN_COLUMNS, load_own_runs
 from correction_node.models.weights import load_factor, save_factor
-from correction_node.training.learners import OWN
 from correction_node.training.protocol import learn_own
-from correction_node.training.training import TrainingConfig
+from correction_node.training.training import OWN, TrainingConfig
 from winding_core.cable.cases import Case, Material
 from winding_core.helix import FleetAngleLaw
 from winding_core.lay.quasi_static import QuasiStaticLay

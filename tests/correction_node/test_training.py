@@ -26,8 +26,14 @@ from correction_node.training.evaluation import (
     score_fit,
     without_each_case,
 )
-from correction_node.training.learners import LEARNERS, learn_network
-from correction_node.training.training import FactorNetworks, Problem, TrainingConfig, train
+from correction_node.training.training import (
+    LEARNERS,
+    FactorNetworks,
+    Problem,
+    TrainingConfig,
+    learn_network,
+    train,
+)
 from winding_cli.commands.train import train as train_command
 from winding_core.cable.cases import Case, paper_case, paper_cases, published_markers
 

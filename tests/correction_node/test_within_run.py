@@ -20,20 +20,21 @@ from correction_node.models.dataset import load_data_set
 from correction_node.models.factor_models import RIG_LAW, LayOns, case_of, fit_rig, reference_law
 from winding_core.cable.cases import paper_case
 from winding_core.machine.tension import DeadWeight, RigTension
-from winding_verification.correction.repeatability import (
+from winding_verification.correction.tables import (
     LABEL,
     NoiseAccuracy,
     accuracy_by_noise,
 )
-from winding_verification.correction.within_run_learning import (
+from winding_verification.correction.within_run_score import (
+    WithinRunScore,
     conformal_quantile,
     expected_lengths,
     fit_build_up,
     held_out_lengths,
     learn_within_run,
     run_table,
+    score_within_run,
 )
-from winding_verification.correction.within_run_score import WithinRunScore, score_within_run
 
 CELLS = load_data_set("rod").cells
 SPACING = 0.1

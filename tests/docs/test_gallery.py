@@ -18,9 +18,7 @@ import cv2
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from typer.testing import CliRunner
-
-from winding_cli.app import app
+from in_process import winding
 
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "examples" / "gallery"
@@ -55,10 +53,8 @@ def run(example: str, *arguments: object, folder: Path) -> str:
     return printed.getvalue()
 
 
-def winding(*words: object, folder: Path) -> None:
-    """Run a command in a folder, in this process."""
-    with contextlib.chdir(folder):
-        done = CliRunner().invoke(app, [*map(str, words)])
+def wound(*words: object, folder: Path) -> None:
+    done = winding(folder, *words)
     assert done.exit_code == 0, done.output
 
 
@@ -99,7 +95,7 @@ def test_an_example_is_short(path: Path) -> None:
 def test_the_predicted_lay_is_that_of_the_command(tmp_path: Path) -> None:
     printed = lengths(run("predict_lay", folder=tmp_path))
     picture(tmp_path / "predict_lay.png")
-    winding(
+    wound(
         "predict", "--cylinder-diameter-mm", 40, "--cable-diameter-mm", 3, "--tension-n", 2,
         "--marker-spacing-mm", 120, "--json", "prediction.json",
         folder=tmp_path,
@@ -128,7 +124,7 @@ def test_a_cable_whose_stress_fades_is_strained_further(tmp_path: Path) -> None:
 @pytest.fixture(scope="module")
 def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("gallery")
-    winding(*FILM, folder=folder)
+    wound(*FILM, folder=folder)
     return folder
 
 

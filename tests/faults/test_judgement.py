@@ -9,9 +9,8 @@ import pytest
 from typer.testing import CliRunner
 
 from winding_cli.app import app
-from winding_verification.faults.campaign import ROWS, Outcome, Row, judge, try_rows
+from winding_verification.faults.campaign import ROWS, Outcome, Row, draw_plans, judge, try_rows
 from winding_verification.faults.judgement import disagreements
-from winding_verification.faults.random_plans import draw_plans
 from winding_verification.faults.trial import Account, Fault, Plan, Trial
 
 HEADLINE = "ended by supervision after 0.61 of 1.38 turns: cable_fem ended with exit code -9"

@@ -21,7 +21,7 @@ from lay_control_node.programs.gcode_reader import parse_gcode
 from lay_control_node.programs.yaml_reader import parse_yaml
 from winding_core.cable.condition import Condition
 from winding_core.helix import FleetAngleLaw
-from winding_core.lay.drum_winding import DrumWinding
+from winding_core.lay.drum_parameters import DrumWinding
 from winding_core.lay.guide_path import guide_path, lay_of, within
 from winding_core.lay.layers import WINDINGS
 from winding_core.lay.limits import PlanLimits

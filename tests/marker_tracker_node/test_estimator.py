@@ -14,9 +14,8 @@ from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import LAP, MARKER, Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import judged
 from winding_core.machine.drive import DriveProfile
-from winding_verification.tracker.scenes import World
-from winding_verification.tracker.sightings import quick, sightings
-from winding_verification.tracker.wrong_numbers import WrongNumber
+from winding_verification.tracker.drawn_runs import quick, sightings
+from winding_verification.tracker.scenes import World, WrongNumber
 
 # A run of five markers from rest, and one that was joined at full speed.
 RAMPED = quick(replace(World.drawn(1), rest=0.6))

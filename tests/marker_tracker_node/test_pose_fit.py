@@ -13,9 +13,8 @@ from marker_tracker_node import CameraPose, PinholeCamera, Sightings, refine
 from winding_core.cable.cases import Case
 from winding_core.helix import FleetAngleLaw
 from winding_rig_node.camera import CameraConfig, Light, SensorNoise, Window
-from winding_verification.tracker.scenes import World
-from winding_verification.tracker.sightings import quick, sightings
-from winding_verification.tracker.wrong_numbers import WrongNumber
+from winding_verification.tracker.drawn_runs import quick, sightings
+from winding_verification.tracker.scenes import World, WrongNumber
 
 pytestmark = pytest.mark.slow
 WINDOWS = (

@@ -12,8 +12,7 @@ from marker_film import UNSEEN, Film, Frames, Wrong
 from marker_tracker_node import Tracker
 from winding_core.markers import MarkerFlag, Markers
 from winding_verification.tracker.filmed_runs import outcome
-from winding_verification.tracker.scenes import World
-from winding_verification.tracker.wrong_numbers import WrongNumber
+from winding_verification.tracker.scenes import World, WrongNumber
 
 WRONG = {
     "camera turned about its axis": Wrong(tilt=(0.0, 0.0, 0.02)),

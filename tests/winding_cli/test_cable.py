@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
-from importlib.resources import files
 from pathlib import Path
 
 import pytest
-from jsonschema import Draft202012Validator
-from typer.testing import CliRunner, Result
+from in_process import keeps_schema, winding
 
-from winding_cli.app import app
 from winding_core.catalogue.cables import find_cable
 
 
@@ -21,18 +17,11 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def winding(folder: Path, *words: object) -> Result:
-    with contextlib.chdir(folder):
-        return CliRunner().invoke(app, [*map(str, words)])
-
-
 @pytest.mark.parametrize("words", [("list",), ("show", "hose"), ("compare", "hose", "tube")])
 def test_what_is_written_keeps_its_schema(home: Path, words: tuple[str, ...]) -> None:
     done = winding(home, "cable", *words, "--json", "-")
     assert done.exit_code == 0, done.output
-    content = json.loads(done.stdout)
-    schema = json.loads((files("winding_cli") / "schemas" / "cables.json").read_text("utf-8"))
-    assert list(Draft202012Validator(schema).iter_errors(content)) == []
+    content = keeps_schema("cables", done.stdout)
     assert len(content["cables"]) == {"list": 10, "show": 1, "compare": 2}[words[0]]
 
 
@@ -93,9 +82,7 @@ def test_the_nearest_cable_is_named_or_none(home: Path, young_mpa: float, name: 
     source = markers_wound_with(home, young_mpa)
     done = winding(home, "cable", "nearest", source, "--case", 4, "--json", "-")
     assert done.exit_code == 0, done.output
-    content = json.loads(done.stdout)
-    schema = json.loads((files("winding_cli") / "schemas" / "cables.json").read_text("utf-8"))
-    assert list(Draft202012Validator(schema).iter_errors(content)) == []
+    content = keeps_schema("cables", done.stdout)
     best = content["nearest"][0]
     assert best["name"] == name
     assert best["probability"] > 0.8

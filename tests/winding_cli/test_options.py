@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import inspect
 import random
@@ -14,7 +13,7 @@ import cv2
 import numpy as np
 import pytest
 import typer
-from typer.testing import CliRunner, Result
+from in_process import winding
 
 from winding_cli.app import SUMMARIES, app
 from winding_cli.commands.identify import identify
@@ -139,7 +138,7 @@ def test_a_film_shows_the_markers_that_were_asked_for(tmp_path: Path) -> None:
     pictures = {}
     for name, look in looks.items():
         film = ("render", name, "--fps", 1, "--duration-s", 1, "--noise", 0)
-        assert in_process(tmp_path, *film, *look).exit_code == 0
+        assert winding(tmp_path, *film, *look).exit_code == 0
         (file,) = (tmp_path / name).rglob("*.png")
         pictures[name] = cv2.imread(str(file)).astype(int)
     # P0 alone is in sight as the run begins: yellow has green, red has none.
@@ -172,12 +171,6 @@ def chosen(count: int, seed: int) -> list[tuple[str, str, str]]:
     return random.Random(seed).sample(INPUTS, count)
 
 
-def in_process(folder: Path, *words: object) -> Result:
-    """Run a command in a folder, in this process."""
-    with contextlib.chdir(folder):
-        return CliRunner().invoke(app, [*map(str, words)])
-
-
 def words_of(folder: Path, name: str, option: str, value: str) -> list[str]:
     """Return the words of a command with a wrong value, and write the file that it may need."""
     (folder / "spec.yaml").write_text("parameters: {case: [4]}\n", encoding="utf-8")
@@ -193,7 +186,7 @@ def words_of(folder: Path, name: str, option: str, value: str) -> list[str]:
 def test_wrong_value_is_refused_with_its_option(
     tmp_path: Path, name: str, option: str, value: str
 ) -> None:
-    done = in_process(tmp_path, *words_of(tmp_path, name, option, value))
+    done = winding(tmp_path, *words_of(tmp_path, name, option, value))
     assert done.exit_code == 2, done.output
     assert "Traceback" not in done.output
     assert option in done.output
@@ -211,7 +204,7 @@ def test_a_hundred_wrong_values_are_refused_with_their_options(
             code, said = ended.returncode, ended.stderr
         else:
             # A process of its own adds a second, and its start is that of the others.
-            result = in_process(tmp_path, *words)
+            result = winding(tmp_path, *words)
             code, said = result.exit_code, result.output
         assert code == 2, said
         assert "Traceback" not in said

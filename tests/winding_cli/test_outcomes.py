@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner, Result
+from in_process import winding
 
-from winding_cli.app import SUMMARIES, _installed, app
+from winding_cli.app import SUMMARIES, _installed
 from winding_cli.terminal import console
 from winding_cli.terminal.console import busy
 
@@ -28,12 +27,6 @@ def folder(tmp_path: Path) -> Path:
     (tmp_path / "pictures").mkdir()
     (tmp_path / "pictures" / "one.png").touch()
     return tmp_path
-
-
-def typed(folder: Path, words: str) -> Result:
-    """Run a command in a folder, in this process."""
-    with contextlib.chdir(folder):
-        return CliRunner().invoke(app, words.split())
 
 
 # Words -> what the refusal names; none of them starts anything.
@@ -85,7 +78,7 @@ def test_exit_code_tells_what_was_refused_from_what_is_not_good(
     folder: Path, words: str, code: int, sentence: str
 ) -> None:
     before = sorted(folder.rglob("*"))
-    done = typed(folder, words)
+    done = winding(folder, *words.split())
     assert done.exit_code == code, done.output
     assert sentence in done.stderr
     assert "Traceback" not in done.output
@@ -105,7 +98,7 @@ def test_exit_code_tells_what_was_refused_from_what_is_not_good(
     ],
 )
 def test_json_goes_to_stdout_alone(folder: Path, words: str, key: str | None) -> None:
-    done = typed(folder, f"{words} --json -")
+    done = winding(folder, *f"{words} --json -".split())
     content = json.loads(done.stdout)
     assert (content[0] if key is None else content[key]) is not None
     # What people read went the other way.
@@ -114,7 +107,7 @@ def test_json_goes_to_stdout_alone(folder: Path, words: str, key: str | None) ->
 
 
 def test_a_file_that_is_no_json_does_not_go_to_stdout(folder: Path) -> None:
-    done = typed(folder, f"{PREDICT} --csv -")
+    done = winding(folder, *f"{PREDICT} --csv -".split())
     assert (done.exit_code, done.stdout) == (2, "")
     assert "--csv: - is for --json" in done.stderr
 
@@ -148,7 +141,7 @@ def test_nothing_is_written_over_unless_it_is_forced(folder: Path, words: str, n
     file = folder / name / "mine" if name.endswith("/") else folder / name
     file.parent.mkdir(exist_ok=True)
     file.write_text("mine", encoding="utf-8")
-    done = typed(folder, f"{words} {name}")
+    done = winding(folder, *f"{words} {name}".split())
     assert done.exit_code == 2, done.output
     assert "already; --force replaces it" in done.stderr
     assert file.read_text(encoding="utf-8") == "mine"
@@ -156,13 +149,13 @@ def test_nothing_is_written_over_unless_it_is_forced(folder: Path, words: str, n
 
 @pytest.mark.slow
 def test_outputs_are_of_the_kind_that_their_names_end_with(folder: Path) -> None:
-    done = typed(folder, f"{PREDICT} --output p.txt")
+    done = winding(folder, *f"{PREDICT} --output p.txt".split())
     assert done.exit_code == 2
     assert "--output must end in one of .json .csv .pvd, got p.txt" in done.stderr
-    done = typed(folder, f"{PREDICT} --json p.json --output q.json")
+    done = winding(folder, *f"{PREDICT} --json p.json --output q.json".split())
     assert "two files for .json, p.json and q.json" in done.stderr
     (folder / "p.csv").write_text("mine", encoding="utf-8")
-    done = typed(folder, f"{PREDICT} --output p.json --output p.csv --force")
+    done = winding(folder, *f"{PREDICT} --output p.json --output p.csv --force".split())
     assert done.exit_code == 0, done.output
     assert json.loads((folder / "p.json").read_text())["case"] == 9
     assert (folder / "p.csv").read_text().startswith("t_s,")
@@ -205,7 +198,7 @@ def test_commands_that_take_long_show_where_they_are(
 ) -> None:
     monkeypatch.setattr(console, "FIRST_LINE", 0.01)
     monkeypatch.setattr(console, "LONGEST_SILENCE", 0.01)
-    done = typed(folder, words)
+    done = winding(folder, *words.split())
     assert done.exit_code == 0, done.output
     shown = [line for line in done.stderr.splitlines() if line.startswith("winding: ")]
     assert any(sentence in line and line.endswith(" s") for line in shown), done.stderr

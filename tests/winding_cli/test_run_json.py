@@ -6,9 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
-
-from winding_cli.app import app
+from in_process import winding
 
 CELL = "condition: {case: 11, duration_s: 1.3}\nrecording: {json: '-', output: left}\n"
 
@@ -38,10 +36,9 @@ def test_json_of_a_run_goes_to_stdout_alone(
 
 
 def test_what_such_a_cell_means_is_printed_as_of_every_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
     (tmp_path / "cell.yaml").write_text(CELL, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["cell", "check", "cell.yaml"])
+    done = winding(tmp_path, "cell", "check", "cell.yaml")
     assert (done.exit_code, done.stderr) == (0, "")
     assert f"written {tmp_path / 'left'}" in " ".join(done.stdout.split())

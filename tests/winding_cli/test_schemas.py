@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import re
 from collections.abc import Callable
@@ -13,10 +12,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from in_process import winding
 from jsonschema import Draft202012Validator
-from typer.testing import CliRunner
-
-from winding_cli.app import app
 
 PAGE = Path(__file__).parents[2] / "docs" / "schemas.md"
 SCHEMAS = {
@@ -71,8 +68,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Path]:
     def run(*words: object) -> Path:
         folder = tmp_path_factory.mktemp("output")
         (folder / "tensile.csv").write_text(TENSILE, encoding="utf-8")
-        with contextlib.chdir(folder):
-            done = CliRunner().invoke(app, [*map(str, words), "--json", "out.json"])
+        done = winding(folder, *words, "--json", "out.json")
         assert done.exit_code == 0, done.output
         return folder / "out.json"
 

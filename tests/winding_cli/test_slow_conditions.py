@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
+from in_process import winding
 
 from cable_fem_node.winding.expected_cost import falling_behind
-from winding_cli.app import app
-from winding_cli.run.configuration import configured
-from winding_cli.run.keeping_up import warn_of_slowness
+from winding_cli.run.configuration import configured, warn_of_slowness
 from winding_core.run_spec import RunSpec
 from winding_ros.topics import FEM
 from winding_study.run_parameters import RunParameters
@@ -45,20 +43,20 @@ def test_the_solver_of_a_cell_is_the_node_s(cell: Path) -> None:
 
 
 def test_a_segment_that_cannot_be_wound_is_refused_before_the_run(cell: Path) -> None:
-    done = CliRunner().invoke(app, ["cell", "check", "cell.yaml"])
+    done = winding(cell.parent, "cell", "check", "cell.yaml")
     assert done.exit_code == 0, done.stderr
     cell.write_text(SCALED.replace("segment_mm: 4", "segment_mm: 20"), encoding="utf-8")
-    done = CliRunner().invoke(app, ["cell", "check", "cell.yaml"])
+    done = winding(cell.parent, "cell", "check", "cell.yaml")
     assert done.exit_code == 2
     assert "segment_length must be at most 0.3 of the free length 0.05 m" in done.stderr
 
 
 def test_a_cell_is_predicted_and_what_is_typed_wins(cell: Path) -> None:
-    done = CliRunner().invoke(app, ["predict", str(cell), "--check", "--tension-n", "30"])
+    done = winding(cell.parent, "predict", str(cell), "--check", "--tension-n", "30")
     assert done.exit_code == 0, done.stderr
     assert "elements of 4 mm" in done.stdout
     assert "tension 30 N there" in done.stdout
-    done = CliRunner().invoke(app, ["predict", str(cell), "--element", "solid"])
+    done = winding(cell.parent, "predict", str(cell), "--element", "solid")
     assert done.exit_code == 2
     assert "bending_factor must be 1" in done.stderr
 

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from winding_core.lay.drum_winding import DrumWinding
+from winding_core.lay.drum_parameters import DrumWinding
 from winding_core.lay.layers import WIDEST_PITCH, WINDINGS, layer_rise
 from winding_core.machine.drum import Drum, DrumError
 

@@ -12,12 +12,12 @@ from marker_tracker_node.camera.pinhole import CameraPose
 from winding_core.cable.condition import Condition
 from winding_core.machine.axes import AxisReader, JointSample, MachineAxes, wrong_axis
 from winding_core.machine.drive import DriveProfile
-from winding_core.machine.heard_joints import missing_joints
 from winding_core.machine.incoming_readings import (
     LEAD_IN,
     LoadedReading,
     MotionStart,
     ReadingLimits,
+    missing_joints,
 )
 from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.run_options import CameraPlacement

@@ -11,12 +11,11 @@ from xml.etree import ElementTree
 import numpy as np
 import pyarrow.csv
 import pytest
-from typer.testing import CliRunner
+from in_process import winding
 
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_cli.app import app
 from winding_core.cable.cases import paper_case
 from winding_reports.records.cable_series import CableSampler
 
@@ -41,10 +40,9 @@ class Kept:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("cable")
-    done = CliRunner().invoke(
-        app,
-        ["predict", "--case", "4", "--duration-s", f"{DURATION:g}", "--pictures", f"{PICTURES}",
-         "--csv", str(folder / "path.csv"), "--vtk", str(folder / "path.pvd")],
+    done = winding(
+        folder, "predict", "--case", 4, "--duration-s", DURATION, "--pictures", PICTURES,
+        "--csv", "path.csv", "--vtk", "path.pvd",
     )  # fmt: skip
     assert done.exit_code == 0, done.output
     return folder
@@ -145,10 +143,9 @@ def test_twist_of_cable_that_does_not_roll_is_the_torsion_of_its_helix() -> None
     ],
 )
 def test_what_cannot_be_written_is_refused_before_anything_is_wound(
-    options: list[str], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    options: list[str], sentence: str, tmp_path: Path
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, ["predict", "--case", "4", *options])
+    done = winding(tmp_path, "predict", "--case", 4, *options)
     assert done.exit_code == 2
     assert sentence in done.output
     assert not list(tmp_path.iterdir())

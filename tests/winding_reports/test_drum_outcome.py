@@ -8,10 +8,10 @@ import math
 import numpy as np
 import pytest
 
-from winding_core.lay.drum_winding import DrumWinding
+from winding_core.lay.drum_parameters import DrumWinding
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, LayRecords
 from winding_core.machine.drum import Drum
-from winding_reports.records.drum_outcome import PER_TURN, drum_outcome
+from winding_reports.records.lay_outcome import PER_TURN, drum_outcome
 
 D = 4.0e-3
 TURN = 2.0 * math.pi

@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
-import json
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from jsonschema import Draft202012Validator
+from in_process import keeps_schema, schema, winding
 from run_folders import numbers, write_run
-from typer.testing import CliRunner, Result
-
-from winding_cli.app import app
-
-
-def schema(package: str, name: str) -> Draft202012Validator:
-    text = (files(package) / "schemas" / f"{name}.json").read_text(encoding="utf-8")
-    return Draft202012Validator(json.loads(text))
+from typer.testing import Result
 
 
 @pytest.fixture(scope="module")
@@ -36,21 +26,18 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def winding(folder: Path, *words: object) -> Result:
-    with contextlib.chdir(folder.parent):
-        return CliRunner().invoke(app, ["runs", *map(str, words)])
+def runs(folder: Path, *words: object) -> Result:
+    return winding(folder.parent, "runs", *words)
 
 
 def written(folder: Path, name: str, *words: object) -> Any:
-    done = winding(folder, *words, "--json", "-")
+    done = runs(folder, *words, "--json", "-")
     assert done.exit_code == 0, done.output
-    content = json.loads(done.stdout)
-    assert list(schema("winding_cli", name).iter_errors(content)) == []
-    return content
+    return keeps_schema(name, done.stdout)
 
 
 def test_made_up_numbers_keep_the_schema_of_a_run() -> None:
-    assert list(schema("winding_reports", "run").iter_errors(numbers(3))) == []
+    assert list(schema("run", "winding_reports").iter_errors(numbers(3))) == []
 
 
 def test_runs_are_listed_with_their_reasons(folder: Path, tmp_path: Path) -> None:
@@ -59,7 +46,7 @@ def test_runs_are_listed_with_their_reasons(folder: Path, tmp_path: Path) -> Non
     assert content["runs"][-1]["reason"] == "ended by a signal after 2 turns"
     assert len(written(folder, "runs", "list", "--remark", "RAN")["runs"]) == 1
     table, parquet = tmp_path / "t.csv", tmp_path / "t.parquet"
-    done = winding(folder, "list", "runs", "--newest", 3, "--output", table, "--output", parquet)
+    done = runs(folder, "list", "runs", "--newest", 3, "--output", table, "--output", parquet)
     assert done.exit_code == 0, done.output
     assert "41 runs: 40 good, 1 incomplete; the newest 3 are shown" in done.stdout
     assert "cable ran out" in done.stdout
@@ -77,7 +64,7 @@ def test_a_drift_is_said_drawn_and_tabulated(folder: Path, tmp_path: Path) -> No
     # Ten stable runs, then the drift.
     assert 10 < first["run"] < 30
     page, table = tmp_path / "trend.html", tmp_path / "trend.csv"
-    done = winding(folder, "trend", "runs", "--output", page, "--output", table)
+    done = runs(folder, "trend", "runs", "--output", page, "--output", table)
     assert first["sentence"] in done.stdout
     html = page.read_text(encoding="utf-8")
     assert first["sentence"][1:] in html
@@ -114,7 +101,7 @@ def test_two_runs_stand_side_by_side(folder: Path, tmp_path: Path) -> None:
 )
 def test_wrong_input_is_one_sentence(folder: Path, words: tuple[str, ...], sentence: str) -> None:
     (folder.parent / "broken.json").write_text("{", encoding="utf-8")
-    done = winding(folder, *words)
+    done = runs(folder, *words)
     assert (done.exit_code, done.stdout) == (2, "")
     assert done.stderr.startswith(f"winding: {sentence}")
     assert done.stderr.count("\n") == 1

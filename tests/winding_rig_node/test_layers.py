@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from winding_core.cable.cases import paper_case
-from winding_core.lay.drum_winding import DrumWinding
+from winding_core.lay.drum_parameters import DrumWinding
 from winding_core.lay.layers import WoundDrum
 from winding_core.machine.drum import Drum
 from winding_rig_node.camera.config import CameraConfig

@@ -14,8 +14,13 @@ from correction_node.models.dataset import load_data_set, parse_lengths
 from winding_core.cable.cases import Lay, paper_case, published_markers, published_weights
 from winding_core.machine.drive import DriveProfile
 from winding_reports.documents.data_table import Column, DataTable
-from winding_study.paper.case_result import CaseResult, from_arrays, to_arrays
-from winding_study.paper.comparison import compare, compare_paper
+from winding_study.paper.case_result import (
+    CaseResult,
+    compare,
+    compare_paper,
+    from_arrays,
+    to_arrays,
+)
 from winding_study.paper.paper_tables import paper_tables
 from winding_study.paper.study import (
     CaseFailedError,
@@ -29,18 +34,22 @@ from winding_study.run_store import RunStore
 ALL = range(1, 13)
 
 
-def _perfect() -> list[CaseResult]:
+def _results(factor: float = 1.0) -> list[CaseResult]:
+    """A solver that lays every marker at so many times the measured angle, z and length."""
     results = []
-    for case in range(1, 13):
-        measured = {m.marker: m.experiment for m in published_markers(case) if m.experiment}
-        results.append(
-            CaseResult(
-                case=case,
-                lays=measured,
-                path_z={marker: lay.z for marker, lay in measured.items()},
-                energy_balance_pct=0.0,
-                cpu_seconds=0.0,
+    for case in ALL:
+        lays = {
+            row.marker: Lay(
+                theta=factor * row.experiment.theta,
+                z=factor * row.experiment.z,
+                s=factor * row.experiment.s,
             )
+            for row in published_markers(case)
+            if row.experiment
+        }
+        path_z = {marker: lay.z for marker, lay in lays.items()}
+        results.append(
+            CaseResult(case=case, lays=lays, path_z=path_z, energy_balance_pct=0.0, cpu_seconds=0.0)
         )
     return results
 
@@ -61,7 +70,7 @@ def test_the_papers_columns_have_the_papers_means() -> None:
 
 
 def test_a_perfect_prediction_has_no_error() -> None:
-    perfect = compare(_perfect())
+    perfect = compare(_results())
     assert len(perfect.cells) == 45
     assert perfect.mean_error_pct == 0.0
     assert perfect.mean_abs_dz_mm == 0.0
@@ -70,14 +79,14 @@ def test_a_perfect_prediction_has_no_error() -> None:
 
 
 def test_a_measured_marker_that_is_not_wound_is_refused() -> None:
-    results = _perfect()
+    results = _results()
     del results[4].lays[2]
     with pytest.raises(ValueError, match="case 5 marker 2 was measured but is not wound"):
         compare(results)
 
 
 def test_short_runs_leave_out_what_they_did_not_wind() -> None:
-    results = _perfect()
+    results = _results()
     del results[4].lays[2]
     assert (5, 2) not in compare(results, partial=True).keys
     assert len(compare(results, partial=True).cells) == 44
@@ -90,13 +99,13 @@ def test_the_papers_columns_can_be_asked_for_some_cells() -> None:
 
 
 def test_one_unknown_path_point_leaves_no_path_mean() -> None:
-    results = _perfect()
+    results = _results()
     del results[0].path_z[1]
     assert compare(results).mean_abs_dz_path_mm is None
 
 
 def test_the_json_is_strict_and_has_both_sides_alike() -> None:
-    own, paper = compare(_perfect()).as_json(), compare_paper().as_json()
+    own, paper = compare(_results()).as_json(), compare_paper().as_json()
     assert (
         set(own)
         == set(paper)
@@ -297,28 +306,6 @@ def test_the_twelve_cases_meet_the_studys_bars() -> None:
     assert own.mean_abs_dz_path_mm is not None
     assert own.mean_abs_dz_path_mm <= 1.6
     assert own.mean_abs_dtheta_rad <= 0.85
-
-
-def _results(factor: float) -> list[CaseResult]:
-    """A solver that lays every marker at so many times the measured angle, z and length."""
-    return [
-        CaseResult(
-            case=case,
-            lays={
-                row.marker: Lay(
-                    theta=factor * row.experiment.theta,
-                    z=factor * row.experiment.z,
-                    s=factor * row.experiment.s,
-                )
-                for row in published_markers(case)
-                if row.experiment
-            },
-            path_z={},
-            energy_balance_pct=0.0,
-            cpu_seconds=0.0,
-        )
-        for case in ALL
-    ]
 
 
 def _tables(results=(), weights=None, cases=ALL) -> dict[str, DataTable]:

@@ -27,18 +27,16 @@ from correction_node.training.comparison import (
     ModelScore,
 )
 from correction_node.training.evaluation import cell_errors_pct
-from correction_node.training.learners import RIG
+from correction_node.training.training import RIG
 from winding_cli.app import app
 from winding_cli.terminal.refusal import REFUSED
 from winding_cli.terminal.termination import INTERRUPTED
 from winding_core.cable.cases import Lay, paper_case, published_markers
-from winding_study.paper.case_result import CaseResult
-from winding_study.paper.comparison import compare, compare_paper
+from winding_study.paper.case_result import CaseResult, compare, compare_paper
 from winding_study.paper.study import StudyConfig, predicted_lengths
 from winding_study.paper.study_record import StudyRecord
 from winding_study.paper.study_report import render_study, write_study
-from winding_verification.correction.repeatability import NoiseAccuracy
-from winding_verification.correction.tables import noise_table
+from winding_verification.correction.tables import NoiseAccuracy, noise_table
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 

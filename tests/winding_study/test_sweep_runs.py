@@ -18,15 +18,17 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import Case, paper_case
 from winding_core.machine.drive import DriveProfile, TurningDrive
 from winding_study.run_store import Arrays, RunStore, run_key, solver_version
-from winding_study.sweep.campaign import Shard, stored_results, wind_missing
 from winding_study.sweep.engines import (
     Certificates,
     DaskEngine,
     Engine,
     EngineError,
     JoblibEngine,
+    Shard,
     batches,
     refuse_open_scheduler,
+    stored_results,
+    wind_missing,
 )
 from winding_study.sweep.outcome import (
     OK,

@@ -12,13 +12,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from in_process import winding
 
 from cable_fem_node.dynamics.state import FloatArray
-from winding_cli.app import app
-from winding_verification.experiments import held_cable
 from winding_verification.experiments import held_cable_comparison as held_cable_fit
-from winding_verification.experiments.held_cable import HeldCable, loss, predict, shape_of_its_own
+from winding_verification.experiments.held_cable_comparison import (
+    HeldCable,
+    loss,
+    predict,
+    shape_of_its_own,
+)
 from winding_verification.experiments.motion_capture import read_cable, read_run
 from winding_verification.experiments.scenario import ExternalFileError
 from winding_verification.rod.rod import Rod, RodSection
@@ -152,8 +155,10 @@ def test_run_whose_gripped_markers_are_exchanged_is_not_fitted_on(rest: np.ndarr
 
 
 def test_natural_curvature_bends_about_the_y_axis(rest: np.ndarray) -> None:
-    cable = held_cable.HeldCable(bending=0.05, viscosity=0.1, drag=0.0, natural=(2.0, 0.0), own=0.0)
-    rod = held_cable._placed(np.stack([rest, rest]), GAPS, cable)
+    cable = held_cable_fit.HeldCable(
+        bending=0.05, viscosity=0.1, drag=0.0, natural=(2.0, 0.0), own=0.0
+    )
+    rod = held_cable_fit._placed(np.stack([rest, rest]), GAPS, cable)
     first, second = rod.directors()
     binormal = rod.natural[0] * second - rod.natural[1] * first
     # The cable lies in the plane y = 0.
@@ -195,7 +200,7 @@ def test_command_fits_predicts_and_compares(tmp_path: Path, rest: np.ndarray) ->
     write_losses(tmp_path, "DLO7", [0.02, 0.01])
     table = tmp_path / "rows.json"
     words = ["verify", "deform", "--external", str(tmp_path), "--json", str(table)]
-    done = CliRunner().invoke(app, words)
+    done = winding(tmp_path, *words)
     assert done.exit_code == 0, done.output
     error, time, share = json.loads(table.read_text())
     assert error["published"] == {"DEFORM": 0.01}
@@ -218,6 +223,6 @@ def test_cable_without_one_of_its_splits_is_refused(
 ) -> None:
     run = np.random.default_rng(4).standard_normal((4, 6, 3))
     write_run(tmp_path / "DLO7" / split / "1.pkl", run)
-    done = CliRunner().invoke(app, ["verify", "deform", "--external", str(tmp_path)])
+    done = winding(tmp_path, "verify", "deform", "--external", tmp_path)
     assert done.exit_code == 2
     assert sentence in " ".join(done.output.split())

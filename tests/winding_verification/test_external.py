@@ -10,14 +10,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from in_process import winding
 from scipy.special import jn_zeros
-from typer.testing import CliRunner
 
-from winding_cli.app import app
 from winding_verification.experiments import cosserat_experiments as experiments
 from winding_verification.experiments.comparison import compare, found_experiments
-from winding_verification.experiments.external_row import ExternalRow
-from winding_verification.experiments.scenario import ExternalFileError, read_scenario
+from winding_verification.experiments.scenario import ExternalFileError, ExternalRow, read_scenario
 
 GRAVITY = 9.81
 
@@ -313,7 +311,7 @@ def test_published_figures_stand_beside_ours(tmp_path: Path) -> None:
     result = {"solver": "slow", "metrics": {"tip_deflection_error": 0.0731, "other": None}}
     (file.parent / "slow" / "result.json").write_text(json.dumps(result))
     table = tmp_path / "rows.json"
-    done = CliRunner().invoke(app, ["verify", "--external", str(tmp_path), "--json", str(table)])
+    done = winding(tmp_path, "verify", "--external", tmp_path, "--json", table)
     assert done.exit_code == 0, done.output
     (row,) = json.loads(table.read_text())
     assert row["published"] == {"slow": 0.0731}
@@ -328,7 +326,7 @@ def test_bar_that_is_not_kept_ends_with_one(
     cantilever(tmp_path)
     module = "winding_verification.experiments.comparison"
     monkeypatch.setattr(f"{module}._BARS", {"tip_deflection_error": 1.0e-9})
-    done = CliRunner().invoke(app, ["verify", "--external", str(tmp_path)])
+    done = winding(tmp_path, "verify", "--external", tmp_path)
     assert done.exit_code == 1
     assert "0 of 1 quantities within their bar" in done.output
 
@@ -363,9 +361,8 @@ def test_file_with_other_content_is_refused_in_one_sentence(
     ],
 )
 def test_folder_without_experiments_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: list[str], sentence: str
+    tmp_path: Path, words: list[str], sentence: str
 ) -> None:
-    monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(app, words)
+    done = winding(tmp_path, *words)
     assert done.exit_code == 2
     assert sentence in " ".join(done.output.split())

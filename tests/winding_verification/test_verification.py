@@ -16,11 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.testing import CliRunner
+from in_process import winding
 
 from cable_fem_node.winding import rod_winding, solid_winding
 from cable_fem_node.winding.rod_winding import RodWinding
-from winding_cli.app import app
 from winding_verification.experiments.elastic_capstan import (
     lift_off,
     limiting_ratio,
@@ -198,7 +197,7 @@ def test_table_s_ratio_stands_beside_ours(tmp_path: Path) -> None:
     table(tmp_path, f"0.3,1.2,0.1,{ratio}")
     rows = tmp_path / "rows.json"
     words = ["verify", "elastic_capstan", "--external", str(tmp_path), "--json", str(rows)]
-    done = CliRunner().invoke(app, words)
+    done = winding(tmp_path, *words)
     assert done.exit_code == 0, done.output
     (row,) = json.loads(rows.read_text())
     assert row["published"]["closed form"] == pytest.approx(0.0, abs=1.0e-12)
@@ -217,13 +216,13 @@ def test_table_s_ratio_stands_beside_ours(tmp_path: Path) -> None:
 )
 def test_table_with_other_content_is_refused(tmp_path: Path, line: str, sentence: str) -> None:
     table(tmp_path, line)
-    done = CliRunner().invoke(app, ["verify", "elastic_capstan", "--external", str(tmp_path)])
+    done = winding(tmp_path, "verify", "elastic_capstan", "--external", tmp_path)
     assert done.exit_code == 2
     assert sentence in " ".join(done.output.split())
 
 
 def test_folder_without_a_table_is_refused_with_its_columns(tmp_path: Path) -> None:
-    done = CliRunner().invoke(app, ["verify", "elastic_capstan", "--external", str(tmp_path)])
+    done = winding(tmp_path, "verify", "elastic_capstan", "--external", tmp_path)
     assert done.exit_code == 2
     sentence = "holds no elastic_capstan.csv, a table with the columns friction, wrap_angle_rad"
     assert sentence in " ".join(done.output.split())

@@ -196,13 +196,4 @@ def _case(row: FloatArray) -> Case:
 
 def _cell(row: FloatArray, run: int, length: float) -> LengthCell:
     case = _case(row)
-    return LengthCell(
-        case=run,
-        marker=case.marker_count,
-        cylinder_diameter=case.cylinder_diameter,
-        cable_diameter=case.cable_diameter,
-        tension=case.nominal_stress,
-        original_length=case.original_length(case.marker_count),
-        s_fem=float(row[5]),
-        s_exp=length,
-    )
+    return LengthCell.of(case, case.marker_count, float(row[5]), case=run, s_exp=length)

@@ -19,7 +19,7 @@ from cable_fem_node.identification import (
 )
 from cable_winding.prediction import Markers, run_parameters
 from winding_core.cable.condition import Condition
-from winding_core.planned_inputs import planned_inputs
+from winding_core.run_inputs import planned_inputs
 from winding_study.identification.sources import recorded_run
 from winding_study.identification.tensile import LawFit, TensileTest, fit_laws
 

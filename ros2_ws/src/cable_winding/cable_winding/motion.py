@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from lay_control_node.planning.planner import plan_lay
 from lay_control_node.programs import even_helix, read_program, with_markers_every_turn
 from winding_core.cable.condition import Condition
-from winding_study.plans.drum_plan import DrumPlanParameters
-from winding_study.plans.plan_parameters import PlanParameters
+from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters
 
 FloatArray = NDArray[np.float64]
 

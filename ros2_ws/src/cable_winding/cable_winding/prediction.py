@@ -142,8 +142,8 @@ class Prediction:
 
 def run_parameters(condition: Condition, **solver: object) -> RunParameters:
     """Return the solver's parameters for a condition; those that are None keep their default."""
-    stated = {name: value for name, value in solver.items() if value is not None}
-    return RunParameters(**dataclasses.asdict(condition) | stated)
+    given = {name: value for name, value in solver.items() if value is not None}
+    return RunParameters(**dataclasses.asdict(condition) | given)
 
 
 def predict(

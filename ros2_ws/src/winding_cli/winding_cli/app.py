@@ -43,8 +43,8 @@ SUMMARIES = {
     "bag": "Look into recordings, check, recover, play, replay and export them.",
 }
 
-# Of the module, where that is one of its own.
-_FOLDERS = {"board": "camera.", "calibrate": "camera."}
+# Module of a command that does not have one of its own name.
+_MODULES = {"board": "camera", "calibrate": "camera", "health": "graph"}
 
 
 def _installed() -> dict[str, EntryPoint]:
@@ -57,7 +57,7 @@ class _LazyCommands(Mapping[str, Any]):
 
     def __getitem__(self, name: str) -> Any:
         if name in SUMMARIES:
-            module = f"winding_cli.commands.{_FOLDERS.get(name, '')}{name}"
+            module = f"winding_cli.commands.{_MODULES.get(name, name)}"
             command = getattr(importlib.import_module(module), name)
         else:
             command = _installed()[name].load()
@@ -92,6 +92,16 @@ class _LazyGroup(TyperGroup):
             super().format_help(ctx, formatter)
         finally:
             self.commands = late
+
+
+def command_group(name: str) -> typer.Typer:
+    """Return the command of a name that consists of several, without any yet."""
+    return typer.Typer(
+        help=SUMMARIES[name],
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        add_completion=False,
+    )
 
 
 app = typer.Typer(

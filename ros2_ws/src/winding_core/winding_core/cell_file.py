@@ -85,10 +85,6 @@ class _CellLoader(PlainLoader):
 def read_cell(path: Path, known: Known) -> CellFile:
     """Return what a cell file states.
 
-    Args:
-        path: The file.
-        known: Sections and options that there are.
-
     Raises:
         CellError: It cannot be read, or something in it is refused.
     """

@@ -234,7 +234,7 @@ class RunSpec:
 
     @property
     def wound_drum(self) -> WoundDrum | None:
-        """The drum as it is to be filled; None where it is not said how."""
+        """The drum as it is to be filled; None where that is not configured."""
         if not self.drum.filled:
             return None
         return self.drum.wind(self.condition.resolved().case, self.lay.pitch or None)

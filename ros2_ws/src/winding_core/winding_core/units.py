@@ -38,6 +38,11 @@ class Unit:
         return float(f"{value / self.scale:.12g}")
 
 
+def known(value: float | None) -> float | None:
+    """Return a number, or None in place of one that is not finite, which JSON has not."""
+    return None if value is None or not math.isfinite(value) else float(value)
+
+
 PLAIN = Unit()
 PATH = Unit(path=True)
 LONG_LENGTH = Unit(symbol="m", si="m", suffix="m")

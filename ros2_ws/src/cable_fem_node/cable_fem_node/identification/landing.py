@@ -21,8 +21,7 @@ from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import DeadWeight
-from winding_core.planned_inputs import planned_inputs
-from winding_core.run_inputs import Inputs
+from winding_core.run_inputs import Inputs, planned_inputs
 
 # Wound angle of a short rod [rad], and what of it is left out: as a share the start, until the
 # bent end of the span has come to rest, and as elements what is still landing.

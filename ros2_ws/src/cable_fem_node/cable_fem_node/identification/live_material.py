@@ -21,8 +21,7 @@ from cable_fem_node.winding.run_ahead import RunAhead, replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.machine.drive import DriveProfile
 from winding_core.markers import Markers
-from winding_core.planned_inputs import planned_rest
-from winding_core.run_inputs import Inputs, RunHistory, RunInputs
+from winding_core.run_inputs import Inputs, RunHistory, RunInputs, planned_rest
 
 # Beside a machine that winds, a call of the rod is dear. After a step within the standard error it
 # would move the estimate by less than a fifth of that, and the next marker brings it anyway.

@@ -11,8 +11,7 @@ from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw
-from winding_core.planned_inputs import continued_inputs
-from winding_core.run_inputs import Inputs
+from winding_core.run_inputs import Inputs, continued_inputs
 
 # Straight pieces between them are exact to 1e-5 of the stretch.
 _STRETCHES = 1000

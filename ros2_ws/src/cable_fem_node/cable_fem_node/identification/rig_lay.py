@@ -20,8 +20,7 @@ from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun
 from cable_fem_node.winding.resolved_model import STIFF
 from winding_core.machine.drive import DriveProfile
-from winding_core.planned_inputs import continued_inputs
-from winding_core.run_inputs import Inputs
+from winding_core.run_inputs import Inputs, continued_inputs
 
 # Where bending would take more than this, no cable lies on the cylinder any more.
 _MOST_BENT = 0.9

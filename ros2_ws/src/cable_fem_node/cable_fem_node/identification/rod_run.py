@@ -14,7 +14,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import replay
 from winding_core.cable.material_law import MaterialLaw
 from winding_core.markers import is_wound
-from winding_core.planned_inputs import continued_inputs
+from winding_core.run_inputs import continued_inputs
 
 # A marker is read once the cylinder has turned this much further [rad]: its landing has calmed.
 _SETTLED = 0.25

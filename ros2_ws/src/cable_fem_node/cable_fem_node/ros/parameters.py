@@ -10,8 +10,8 @@ from cable_fem_node.winding.winding_config import SolverParameters, WindingConfi
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.lay.drum_parameters import DrumParameters
 from winding_core.lay.guide_path import lay_of_drive
-from winding_core.lay.guided_drive import GuidedDrive
 from winding_core.lay.limits import GuideBounds
+from winding_core.lay.rounding import GuidedDrive
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.drum import DrumError

@@ -108,19 +108,19 @@ class RunCorrector:
         factored = self._by_marker(corrected, "s")
         widths = self._by_marker(corrected, "s_high") - factored
         measured = self.measured.known_at(t - ARRIVAL)
-        believed = np.full(count, np.nan)
+        accepted = np.full(count, np.nan)
         lengths = corrected["s"].copy()
         for row, marker in enumerate(corrected["id"].tolist()):
             if marker == 0:
                 continue
-            expected = self._expected(marker, predicted, factored, widths, believed)
+            expected = self._expected(marker, predicted, factored, widths, accepted)
             lengths[row] = expected.s
             corrected["h"][row] = expected.s / predicted[marker - 1]
             corrected["s_low"][row] = max(0.0, expected.s - expected.half_width)
             corrected["s_high"][row] = expected.s + expected.half_width
             s = float(measured[marker - 1])
             if abs(s - expected.s) <= expected.tolerance:
-                believed[marker - 1] = s
+                accepted[marker - 1] = s
             elif np.isfinite(s):
                 refusals.append(
                     f"marker {marker} measured at {s:.4f} m is not used: expected "
@@ -129,28 +129,28 @@ class RunCorrector:
         if (lengths != corrected["s"]).any():
             slopes = self._corrector.slopes(fem_markers, self._condition)
             self._corrector.move(corrected, lengths, slopes)
-        self.basis = tuple((np.flatnonzero(np.isfinite(believed)) + 1).tolist())
+        self.basis = tuple((np.flatnonzero(np.isfinite(accepted)) + 1).tolist())
         self.refusals = tuple(refusals)
         return corrected
 
     def _expected(
-        self, marker: int, predicted: Array, factored: Array, widths: Array, believed: Array
+        self, marker: int, predicted: Array, factored: Array, widths: Array, accepted: Array
     ) -> _Expected:
         if self._law is not None:
             found = self._law.length_ahead(
                 marker,
                 spacing=self._condition.marker_spacing,
                 predicted=predicted,
-                measured=believed,
+                measured=accepted,
             )
             if found is not None:
                 half = self._widening * self._law.half_width(found)
                 return _Expected(s=found.s, half_width=half, tolerance=BELIEVED_WIDTHS * half)
         s = float(factored[marker - 1])
-        before = np.flatnonzero(np.isfinite(believed[: marker - 1]))
+        before = np.flatnonzero(np.isfinite(accepted[: marker - 1]))
         start, known = 0.0, 0.0
         if len(before):
-            start, known = float(factored[before[-1]]), float(believed[before[-1]])
+            start, known = float(factored[before[-1]]), float(accepted[before[-1]])
         ahead = s - start
         half = float(widths[marker - 1]) / s * ahead
         tolerance = max(BELIEVED_WIDTHS * half, BELIEVED_SHARE * ahead)

@@ -99,7 +99,7 @@ def _line(x: Array, y: Array) -> tuple[float, float]:
 def published_within_run() -> WithinRun:
     """Return the law learned from the paper's twelve runs and this project's rod.
 
-    They come from `winding_verification.correction.within_run_learning`, which takes too long for a
+    They come from `winding_verification.correction.within_run_score`, which takes too long for a
     node.
     """
     return WithinRun(build_up_length=_BUILD_UP_LENGTH, relative_bounds=_RELATIVE_BOUNDS)

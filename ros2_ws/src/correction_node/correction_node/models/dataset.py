@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, fields
 from importlib.resources import files
 from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,22 @@ class MarkerCondition:
     tension: float  # Nominal stress, weight over undeformed section [Pa]
     original_length: float  # n marker spacings [m]
     s_fem: float  # Predicted curve length S_n [m]
-    young: float = Material().young  # As stated to the solver [Pa]
+    young: float = Material().young  # As configured in the solver [Pa]
+
+    @classmethod
+    def of(cls, wound: Case, marker: int, s_fem: float, **further: Any) -> Self:
+        """Return a marker of a case with its predicted length [m]; `further` fields win."""
+        own: dict[str, Any] = {
+            "case": wound.number,
+            "marker": marker,
+            "cylinder_diameter": wound.cylinder_diameter,
+            "cable_diameter": wound.cable_diameter,
+            "tension": wound.nominal_stress,
+            "original_length": wound.original_length(marker),
+            "s_fem": s_fem,
+            "young": wound.material.young,
+        }
+        return cls(**own | further)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,7 +74,7 @@ class DataSet:
 
     @property
     def sha256(self) -> str:
-        """Digest of the lengths, conditions and stated moduli, to nine digits."""
+        """Digest of the lengths, conditions and configured moduli, to nine digits."""
         left_out = {"z_exp", "sigma", "cable", *(() if self.own else ("young",))}
         names = [item.name for item in fields(LengthCell) if item.name not in left_out]
         rows = (",".join(f"{getattr(cell, name):.9g}" for name in names) for cell in self.cells)
@@ -153,20 +169,9 @@ def join_experiment(
         key = (row.case, row.marker)
         if key not in predicted:
             raise ValueError(f"{source} has no length of case {row.case} marker {row.marker}")
+        measured = {"s_exp": row.experiment.s, "z_exp": row.experiment.z}
         case = paper_case(row.case)
-        cells.append(
-            LengthCell(
-                case=row.case,
-                marker=row.marker,
-                cylinder_diameter=case.cylinder_diameter,
-                cable_diameter=case.cable_diameter,
-                tension=case.nominal_stress,
-                original_length=row.original_length,
-                s_fem=predicted[key],
-                s_exp=row.experiment.s,
-                z_exp=row.experiment.z,
-            )
-        )
+        cells.append(LengthCell.of(case, row.marker, predicted[key], **measured))
     return tuple(cells)
 
 
@@ -235,15 +240,6 @@ def conditions_of(case: Case, law: str) -> tuple[MarkerCondition, ...]:
     """
     reference = QuasiStaticLay(case, law).curve_lengths(DeadWeight())
     return tuple(
-        MarkerCondition(
-            case=case.number,
-            marker=marker,
-            cylinder_diameter=case.cylinder_diameter,
-            cable_diameter=case.cable_diameter,
-            tension=case.nominal_stress,
-            original_length=case.original_length(marker),
-            s_fem=float(s_fem),
-            young=case.material.young,
-        )
+        MarkerCondition.of(case, marker, float(s_fem))
         for marker, s_fem in enumerate(reference, start=1)
     )

@@ -68,19 +68,8 @@ def load_own_runs(path: Path) -> DataSet:
 
 def _cell(number: int, cable: str, reading: _Reading) -> LengthCell:
     case, marker, s_fem, s_exp, sigma = reading
-    return LengthCell(
-        case=number,
-        marker=marker,
-        cylinder_diameter=case.cylinder_diameter,
-        cable_diameter=case.cable_diameter,
-        tension=case.nominal_stress,
-        original_length=case.original_length(marker),
-        s_fem=s_fem,
-        young=case.material.young,
-        s_exp=s_exp,
-        sigma=sigma,
-        cable=cable,
-    )
+    measured = {"s_exp": s_exp, "sigma": sigma, "cable": cable}
+    return LengthCell.of(case, marker, s_fem, case=number, **measured)
 
 
 def is_own(path: Path) -> bool:

@@ -17,7 +17,7 @@ NORMAL_90 = 1.6449
 # reading, in root mean squares of what is explained; the search begins at the first of three.
 _SCALES = (1.0, 0.3, 100.0)
 _DEVIATIONS = ((1.0, 0.05, 10.0), (0.1, 1.0e-3, 2.0), (0.5, 1.0e-3, 2.0))
-# An input that hardly varies, relative: its scale says nothing, so it is one tenth of its value.
+# An input that hardly varies, relative: its scale is not identified but a tenth of its value.
 _CONSTANT, _LEAST_SPREAD = 1.0e-3, 0.1
 _NONE = np.finfo(float).tiny
 
@@ -27,7 +27,7 @@ class Process:
     """y(x) = a smooth function + what a run has of its own + noise, all normal.
 
     Far from everything it was learned from it is zero with the standard deviation that it found
-    from place to place, so it forecasts nothing there and says so.
+    from place to place, which is no forecast.
 
     Attributes:
         inputs: Where it was learned, standardised, shape (n, k).

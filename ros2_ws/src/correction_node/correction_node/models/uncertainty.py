@@ -72,7 +72,7 @@ class TrainingBox:
     cable_diameter: tuple[float, float]  # (smallest, largest) [m]
     weight: tuple[float, float]  # (smallest, largest) [N]
     turns: float | None = None
-    young: tuple[float, float] = (Material().young,) * 2  # As stated to the solver [Pa]
+    young: tuple[float, float] = (Material().young,) * 2  # As configured in the solver [Pa]
 
     @classmethod
     def around(cls, cells: Sequence[LengthCell], *, by_marker: bool = False) -> TrainingBox:

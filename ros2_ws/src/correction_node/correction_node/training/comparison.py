@@ -34,9 +34,8 @@ from correction_node.training.evaluation import (
     score_fit,
     without_each_case,
 )
-from correction_node.training.learners import LEARNERS, RIG
 from correction_node.training.protocol import learn_and_hold_out
-from correction_node.training.training import TrainingConfig
+from correction_node.training.training import LEARNERS, RIG, TrainingConfig
 
 # Relative repeatability of a measured length, assumed: the paper's K-NN accuracy asks for it.
 NOISE = 0.006

@@ -24,8 +24,14 @@ from correction_node.training.evaluation import (
     score_fit,
     without_each_case,
 )
-from correction_node.training.learners import LEARNERS, NETWORK, OWN, PROCESS, Learner
-from correction_node.training.training import TrainingConfig
+from correction_node.training.training import (
+    LEARNERS,
+    NETWORK,
+    OWN,
+    PROCESS,
+    Learner,
+    TrainingConfig,
+)
 
 __all__ = ["NETWORK", "HeldOut", "Learned", "Progress", "learn", "learn_and_hold_out", "verdict"]
 
@@ -179,7 +185,7 @@ def learn_own(data: DataSet, progress: Progress, law: str = "linear") -> Learned
 def learn_places(
     cells: Sequence[LengthCell], held_out: Array
 ) -> tuple[PlaceModel | None, dict[str, Any]]:
-    """Return where markers of a length lie and what the card says of it; None without measured z.
+    """Return where markers of a length lie and the card's entry; None without measured z.
 
     Args:
         cells: Measured cells.

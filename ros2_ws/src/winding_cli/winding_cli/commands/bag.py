@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.app import command_group
 from winding_cli.terminal.console import Shown, record_table, result_console
 from winding_cli.terminal.output_path import check_output_folder, staged
 from winding_cli.terminal.record_options import Domain, Typed, spelled, with_options
@@ -33,12 +34,7 @@ _KEY_PERIOD = 0.1
 # A bag time below is no date: the year 2001 [s].
 _DATES = 1e9
 
-bag = typer.Typer(
-    help="Look into recordings, check, recover, play, replay and export them.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
+bag = command_group("bag")
 
 
 def _existing(source: Path) -> Path:
@@ -98,14 +94,14 @@ def _wound(notes: Mapping[str, str]) -> str:
     from winding_core.cable.condition import Condition
     from winding_core.parameters import shown_values
 
-    stated: dict[str, Any] = {}
+    recorded: dict[str, Any] = {}
     try:
         for name, text in notes.items():
             if name.startswith(PARAMETERS):
-                stated |= json.loads(text)
+                recorded |= json.loads(text)
     except (TypeError, ValueError):
         return "not readable"
-    return ", ".join(f"{name} {value}" for name, value in shown_values(Condition, stated).items())
+    return ", ".join(f"{name} {value}" for name, value in shown_values(Condition, recorded).items())
 
 
 @bag.command()

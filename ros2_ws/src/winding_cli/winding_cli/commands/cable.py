@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.app import command_group
 from winding_cli.offline.tracked_source import tracked_run
-from winding_cli.terminal.console import Shown, busy, known, record_table, result_console
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
     Json,
@@ -38,18 +39,13 @@ from winding_core.catalogue.cables import (
     own_folder,
 )
 from winding_core.parameters import explained, option_kind, options, typed_values
-from winding_core.units import MEGAPASCAL, MILLIRADIAN
+from winding_core.units import MEGAPASCAL, MILLIRADIAN, known
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from winding_study.identification.nearest_cable import Likeness
 
-cable = typer.Typer(
-    help="List, show and compare the cables of the library, and add your own.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
+cable = command_group("cable")
 Name = Annotated[str, typer.Argument(help="Cable of the library, or a cable file.")]
 _DECLARED = options(Condition)
 _PROPERTY = {
@@ -86,8 +82,7 @@ def list_cables(library: Library = None, json_file: Json = None, force: Force = 
     with refused(CableError):
         found = list(cables(library).values())
     result_console().print(record_table(_LISTED, found, words=3))
-    if json_file is not None:
-        write_json(json_file, {"cables": [_record(item) for item in found]})
+    write_json(json_file, {"cables": [_record(item) for item in found]})
 
 
 @cable.command()
@@ -114,8 +109,7 @@ def show(name: Name, library: Library = None, json_file: Json = None, force: For
     ):
         if text:
             console.print(f"{subject}: {text}", highlight=False, soft_wrap=True)
-    if json_file is not None:
-        write_json(json_file, {"cables": [_record(found)]})
+    write_json(json_file, {"cables": [_record(found)]})
 
 
 @cable.command()
@@ -142,9 +136,8 @@ def compare(
         Shown("standard deviations apart", lambda row: row[3], ".1f"),
     )
     result_console().print(record_table(columns, rows, words=1))
-    if json_file is not None:
-        apart = {row[0]: row[3] for row in rows}
-        write_json(json_file, {"cables": [*map(_record, pair)], "deviations_apart": apart})
+    apart = {row[0]: row[3] for row in rows}
+    write_json(json_file, {"cables": [*map(_record, pair)], "deviations_apart": apart})
 
 
 @cable.command()
@@ -167,11 +160,8 @@ def nearest(
         shelf = cables(library)
         found = likenesses(tracked_run(source, typed), shelf)
     result_console().print(record_table(_LIKELY, found, words=1))
-    if json_file is not None:
-        write_json(
-            json_file,
-            {"cables": [*map(_record, shelf.values())], "nearest": [*map(_likely, found)]},
-        )
+    likely = [*map(_likely, found)]
+    write_json(json_file, {"cables": [*map(_record, shelf.values())], "nearest": likely})
 
 
 def _likely(item: Likeness) -> dict[str, Any]:
@@ -212,25 +202,25 @@ def add(
         file = folder / f"{check_name(name)}.yaml"
         made = find_cable(like, library) if like else Cable(name=name, title=name)
         sources = dict(made.sources)
-        stated: dict[str, Any] = {}
+        given: dict[str, Any] = {}
         deviations: dict[str, float] = {}
         if identified is not None:
-            stated, deviations = _identified(identified)
-            sources |= dict.fromkeys(stated, f"winding identify, {identified.name}")
+            given, deviations = _identified(identified)
+            sources |= dict.fromkeys(given, f"winding identify, {identified.name}")
         typed_values(Condition, typed, spelled)
-        stated |= typed
+        given |= typed
         deviations |= dict(map(_deviation, uncertainty or ()))
         if source:
             sources |= dict.fromkeys(typed, source)
         # What is known of another value is not known of this one.
-        kept = {key: sigma for key, sigma in made.uncertainty.items() if key not in stated}
+        kept = {key: sigma for key, sigma in made.uncertainty.items() if key not in given}
         made = check_cable(
             replace(
                 made,
                 name=name,
                 title=title or made.title,
                 source=source or made.source,
-                properties={**made.properties, **stated},
+                properties={**made.properties, **given},
                 uncertainty={**kept, **deviations},
                 sources={key: text for key, text in sources.items() if text},
             )
@@ -266,18 +256,18 @@ def _identified(file: Path) -> tuple[dict[str, Any], dict[str, float]]:
         young, sigma = (
             float(found[key]) / MEGAPASCAL for key in _KEYS["laws" if "laws" in record else ""]
         )
-        stated = {"young_mpa": young, "law": str(found["law"])}
-        if stated["law"] == "mooney_rivlin" and "share" in found:
-            stated["mooney_ratio"] = float(found["share"]) / (1.0 - float(found["share"]))
-        elif stated["law"] == "mooney_rivlin":
-            stated["mooney_ratio"] = float(found["c01_pa"]) / float(found["c10_pa"])
+        given = {"young_mpa": young, "law": str(found["law"])}
+        if given["law"] == "mooney_rivlin" and "share" in found:
+            given["mooney_ratio"] = float(found["share"]) / (1.0 - float(found["share"]))
+        elif given["law"] == "mooney_rivlin":
+            given["mooney_ratio"] = float(found["c01_pa"]) / float(found["c10_pa"])
     except OSError as error:
         raise CableError(f"{file} cannot be read: {error.strerror or error}") from error
     except CableError:
         raise
     except (ValueError, KeyError, TypeError, IndexError, AttributeError, ArithmeticError) as error:
         raise CableError(f"{file} is no result of winding identify with a modulus") from error
-    return stated, {"young_mpa": sigma}
+    return given, {"young_mpa": sigma}
 
 
 _KEYS = {"laws": ("young", "young_standard_error"), "": ("young_pa", "standard_error_pa")}

@@ -81,12 +81,7 @@ def doctor(
     counts = {level: found[level] for level in ("OK", "WARN", "FAIL")}
     console.print(record_table(_COLUMNS, findings, words=len(_COLUMNS)))
     console.print(f"{len(findings)} checks, {counts['FAIL']} failed, {counts['WARN']} warnings")
-    if json is not None:
-        record = {
-            "domain": chosen,
-            "counts": counts,
-            "checks": [asdict(finding) for finding in findings],
-        }
-        write_json(json, record)
+    checks = [asdict(finding) for finding in findings]
+    write_json(json, {"domain": chosen, "counts": counts, "checks": checks})
     if counts["FAIL"]:
         raise typer.Exit(FAILED)

@@ -1,19 +1,25 @@
-"""`winding graph`: the graph as text, Mermaid picture, tables, access policy; the URDF."""
+"""`winding graph`, `winding health`: the graph as text, picture and policy; is one running?"""
 
 from __future__ import annotations
 
-from typing import Annotated
+import math
+import time
+from collections.abc import Collection, Iterable
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.terminal.record_options import spelled
-from winding_cli.terminal.refusal import refuse, refused
-from winding_cli.terminal.ros_environment import check_namespace
+from winding_cli.terminal.record_options import Domain, Namespace, spelled
+from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
 from winding_core.parameters import Declaration, declarations
 from winding_ros.graph import PAGE, controlled, parameters_of
 from winding_ros.runtime.heartbeat import LEASE, PERIOD, heartbeat_topic
 from winding_ros.services import SERVICES
 from winding_ros.topics import TOPICS
+
+if TYPE_CHECKING:
+    from winding_core.status import Status
 
 
 def graph(
@@ -140,3 +146,74 @@ def _range(item: Declaration) -> str:
     if item.low is None:
         return f"at most {item.high:g}"
     return f"{item.low:g} to {item.high:g}"
+
+
+def health(
+    nodes: Annotated[
+        list[str] | None, typer.Argument(help="Names of nodes; all of the graph by default.")
+    ] = None,
+    namespace: Namespace = "winding",
+    domain: Domain = None,
+    patience_s: Annotated[float, typer.Option(help="How long to listen for silent nodes.")] = 10.0,
+) -> None:
+    """Listen to /diagnostics; exit 1 when a node is silent or in error."""
+    from winding_ros.graph import GRAPH, LAY_CONTROL
+
+    if not 0.0 < patience_s < math.inf:
+        refuse(f"patience must be positive and finite, got {patience_s} s")
+    usual = [spec.name for spec in GRAPH]
+    known = [*usual, LAY_CONTROL.name]
+    for name in nodes or ():
+        if name not in known:
+            refuse(f"no node {name!r} in the graph; there are {', '.join(known)}")
+    wanted = nodes or usual
+    with joined(domain):
+        found = complaints(wanted, listen(wanted, namespace, patience_s))
+    if found:
+        refuse("; ".join(found), FAILED)
+    print(f"{', '.join(wanted)}: heard, no errors")
+
+
+def complaints(nodes: Iterable[str], heard: Collection[Status]) -> list[str]:
+    """Return one sentence for each node that is silent and for each ERROR of the others.
+
+    Args:
+        nodes: Node names.
+        heard: Statuses of /diagnostics, "node" or "node: component".
+    """
+    from winding_core.status import Level
+
+    found = []
+    for node in nodes:
+        own = [status for status in heard if status.name.partition(":")[0] == node]
+        if not own:
+            found.append(f"{node} is silent")
+        found += [f"{s.name}: {s.message}" for s in own if s.level >= Level.ERROR]
+    return found
+
+
+def listen(nodes: Collection[str], namespace: str, patience: float) -> list[Status]:
+    """Return the newest statuses in a graph once every node was heard, or after `patience` [s].
+
+    Args:
+        nodes: Node names.
+        namespace: Of the graph, without slashes around it.
+        patience: Wall time [s].
+    """
+    from winding_ros import topics
+    from winding_ros.messages.diagnostics import decode_diagnostics
+
+    heard: dict[str, Status] = {}
+
+    def note(message: Any) -> None:
+        _, statuses = decode_diagnostics(message)
+        for encoded, status in zip(message.status, statuses, strict=True):
+            if encoded.hardware_id == f"/{namespace}":
+                heard[status.name] = status
+
+    with plain_node("health", namespace) as (node, executor):
+        topics.DIAGNOSTICS.subscribe(node, note)
+        end = time.monotonic() + patience
+        while time.monotonic() < end and not set(nodes) <= set(heard):
+            executor.spin_once(timeout_sec=0.1)
+    return list(heard.values())

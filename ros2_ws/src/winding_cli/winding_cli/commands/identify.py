@@ -70,7 +70,9 @@ def identify(
     ] = False,
     known_tension: Annotated[
         bool,
-        typer.Option("--known-tension", help="With --rig: the stated tension is the span's own."),
+        typer.Option(
+            "--known-tension", help="With --rig: the configured tension is the span's own."
+        ),
     ] = False,
     fixing_mm: Annotated[
         float | None,
@@ -103,8 +105,7 @@ def identify(
                 record = _rig(runs, use, prior)
             else:
                 record = _identified(runs, use)
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
     if record.get("refused"):
         refuse(record["refused"], FAILED)
 

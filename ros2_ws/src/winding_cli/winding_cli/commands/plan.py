@@ -14,7 +14,7 @@ import typer
 
 from lay_control_node.planning.lay_plan import FULL_TURN, csv_text, plan_record, plan_turns
 from winding_cli.offline.filled_drum import print_drum
-from winding_cli.terminal.console import Shown, busy, known, record_table, result_console
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
     Json,
@@ -32,9 +32,8 @@ from winding_cli.terminal.record_options import (
     with_options,
 )
 from winding_cli.terminal.refusal import FAILED, refuse, refused
-from winding_core.units import MILLIMETRE
-from winding_study.plans.drum_plan import DrumPlanParameters, drum_record
-from winding_study.plans.plan_parameters import PlanParameters
+from winding_core.units import MILLIMETRE, known
+from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
@@ -187,8 +186,7 @@ def plan(
 
         with staged(picture) as place:
             write_plan_picture(planned, laid, place, picture.suffix.lower())
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
     if missed:
         refuse(missed, FAILED)
 

@@ -15,7 +15,6 @@ from winding_cli.offline.wound_parameters import wound_parameters
 from winding_cli.terminal.console import (
     Shown,
     busy,
-    known,
     marker_name,
     record_table,
     result_console,
@@ -37,7 +36,7 @@ from winding_cli.terminal.record_options import (
     with_options,
 )
 from winding_cli.terminal.refusal import FAILED, refuse, refused
-from winding_core.units import MILLIMETRE, MILLIRADIAN
+from winding_core.units import MILLIMETRE, MILLIRADIAN, known
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
@@ -164,8 +163,7 @@ def predict(
                 "s_m": list(map(known, error.s)),
             }
     _print(result, record)
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
 
 
 def _print_checks(run: PlannedRun) -> None:

@@ -75,8 +75,8 @@ def run(
     ] = False,
 ) -> None:
     """Wind one case: predict, measure, correct; end with a table and a report."""
+    from winding_cli.run.configuration import warn_of_slowness
     from winding_cli.run.delivery import RunDelivery
-    from winding_cli.run.keeping_up import warn_of_slowness
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here
     from winding_recorder.bags.description import ORIGIN

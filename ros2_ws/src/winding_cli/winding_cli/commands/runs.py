@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.app import command_group
 from winding_cli.terminal.console import Shown, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
@@ -27,12 +28,7 @@ from winding_reports.runs.run_row import VERDICTS, RunRow, row_of_file
 if TYPE_CHECKING:
     from winding_reports.documents.data_table import DataTable
 
-runs = typer.Typer(
-    help="List, show and compare the runs of a folder, and say what drifts over them.",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
+runs = command_group("runs")
 Folder = Annotated[Path, typer.Argument(help="Folder of runs, with folders in it.")]
 In = Annotated[Path, typer.Option("--folder", help="Folder of runs, in which ids are looked up.")]
 Run = Annotated[str, typer.Argument(help="Folder of a run, its run.json, or a run's id.")]
@@ -107,8 +103,7 @@ def show(run: Run, folder: In = Path("runs"), json_file: Json = None, force: For
     pairs = [(name, value) for name, value in row._asdict().items() if value is not None]
     columns = (Shown("what", lambda pair: pair[0]), Shown("value", lambda pair: _text(pair[1])))
     console.print(record_table(columns, pairs, words=2))
-    if json_file is not None:
-        write_json(json_file, {"counts": {row.verdict: 1}, "runs": [row._asdict()]})
+    write_json(json_file, {"counts": {row.verdict: 1}, "runs": [row._asdict()]})
 
 
 @runs.command()
@@ -120,7 +115,7 @@ def compare(
     force: Force = False,
 ) -> None:
     """Show two runs side by side: what differs in condition, outcome and numbers."""
-    from winding_reports.runs.comparison import compared
+    from winding_reports.runs.run_row import compared
 
     check_output_file(json_file, "--json", force=force)
     with refused(ValueError):
@@ -132,8 +127,7 @@ def compare(
         Shown("difference", lambda item: _text(item["difference"])),
     )
     result_console().print(record_table(columns, record["rows"], words=3))
-    if json_file is not None:
-        write_json(json_file, record)
+    write_json(json_file, record)
 
 
 @runs.command()

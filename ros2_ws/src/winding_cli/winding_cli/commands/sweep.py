@@ -87,7 +87,7 @@ def sweep(
 ) -> None:
     """Wind every combination of parameters that a file describes and tabulate the results."""
     from winding_study.run_store import RunStore, solver_version
-    from winding_study.sweep.campaign import Shard
+    from winding_study.sweep.engines import Shard
     from winding_study.sweep.outcome import SUFFIXES, table_columns, write_table
 
     if out is not None and out.suffix not in SUFFIXES:
@@ -187,7 +187,7 @@ def _name(spec: SweepSpec, number: int, given: dict[str, Value]) -> str:
 
 
 def _stored(store: RunStore, plan: Plan, part: Any) -> dict[str, Arrays]:
-    from winding_study.sweep.campaign import stored_results
+    from winding_study.sweep.engines import stored_results
 
     complain(
         f"{len(plan.runs)} runs"
@@ -210,8 +210,7 @@ def _wind(
     from rich.progress import MofNCompleteColumn, TimeRemainingColumn
 
     from cable_fem_node.dynamics.compile import is_compiled
-    from winding_study.sweep.campaign import wind_missing
-    from winding_study.sweep.engines import EngineError
+    from winding_study.sweep.engines import EngineError, wind_missing
     from winding_study.sweep.outcome import OK, SolverMismatchError
 
     if not is_compiled():

@@ -15,7 +15,6 @@ from marker_tracker_node.camera.image_formats import PixelReader
 from winding_cli.terminal.console import (
     Shown,
     busy,
-    known,
     marker_name,
     record_table,
     result_console,
@@ -30,7 +29,7 @@ from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerParameters
 from winding_core.parameters import build, typed_values
 from winding_core.run_options import CameraClockParameters, CameraPixels, CameraPlacement
-from winding_core.units import MILLIMETRE, MILLIRADIAN
+from winding_core.units import MILLIMETRE, MILLIRADIAN, known
 
 if TYPE_CHECKING:
     import numpy as np
@@ -160,8 +159,7 @@ def track(
     )
     for item in result.shown():
         result_console().print(item, soft_wrap=isinstance(item, str))
-    if json_file is not None:
-        write_json(json_file, result.record())
+    write_json(json_file, result.record())
     if not report.known:
         refuse(f"no marker was found: {report.colour_refusal or 'nothing moved with P0'}", FAILED)
 
@@ -207,15 +205,7 @@ def _measure(
     for t, frame in frames:
         while readings and readings[0][0] <= t + ahead:
             at, angle, guide = readings.popleft()
-            live.add_reading(
-                at,
-                AxisReading(
-                    cylinder_angle=angle,
-                    angular_speed=math.nan,
-                    carriage_position=guide,
-                    feed_speed=math.nan,
-                ),
-            )
+            live.add_reading(at, AxisReading.of_positions(angle, guide))
         live.add_frame(t, frame)
         yield from live.measured(final=True)
 
@@ -331,10 +321,10 @@ class TrackedRecording:
         if self.clock is None:
             return None
         estimate = self.clock.estimate
-        known = math.isfinite(estimate.error)
+        measured = math.isfinite(estimate.error)
         return {
-            "offset_s": estimate.offset if known else None,
-            "error_s": estimate.error if known else None,
+            "offset_s": estimate.offset if measured else None,
+            "error_s": known(estimate.error),
             "corrected": self.clock.applied,
             "said": [text for text in (self.clock.refusal, self.clock.warning) if text],
         }

@@ -41,7 +41,7 @@ _WITHIN = Shown("within, mm", "half_width_90_m", ".2f", MILLIMETRE)
 # Name, what people read, and one printed unit in SI.
 _RIG = (
     ("young", "E, MPa", MEGAPASCAL),
-    ("effective_young", "E under the stated tension, MPa", MEGAPASCAL),
+    ("effective_young", "E under the configured tension, MPa", MEGAPASCAL),
     ("free_length", "free length, mm", MILLIMETRE),
     ("load_share", "load share", 1.0),
     ("guide_drag", "guide drag, N", 1.0),
@@ -180,12 +180,7 @@ def _beside(measured: float | None, s: float) -> dict[str, float | None]:
 
 
 def rig_record(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> dict[str, Any]:
-    """Return the posterior as JSON, SI units.
-
-    Args:
-        posterior: Of the runs' first markers.
-        runs: With all markers that were measured.
-    """
+    """Return the posterior as JSON, SI units."""
     return {
         "rig": {
             name: dataclasses.asdict(belief)

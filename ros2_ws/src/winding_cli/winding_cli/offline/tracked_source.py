@@ -26,7 +26,7 @@ def tracked_run(source: Path, typed: Typed) -> TrackedRun:
         ValueError: It cannot be read, or does not hold what a run needs.
     """
     from cable_fem_node.identification import TrackedRun
-    from winding_core.planned_inputs import planned_inputs
+    from winding_core.run_inputs import planned_inputs
     from winding_recorder.bags.tables import topic_rows
     from winding_study.identification.sources import SourceError, read_readings, recorded_run
 

@@ -12,7 +12,11 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from cable_fem_node.dynamics.state import SolverError
+from cable_fem_node.ros.parameters import FemParameters
+from cable_fem_node.winding.expected_cost import falling_behind
 from cable_fem_node.winding.winding_config import SolverParameters
+from winding_cli.terminal.console import busy
 from winding_cli.terminal.output_path import (
     STANDARD_OUTPUT,
     check_output_file,
@@ -24,6 +28,7 @@ from winding_core.machine.camera_source import CameraSource
 from winding_core.parameters import ParameterError, build, declared_in
 from winding_core.run_options import BY_MOTION, CameraPlacement
 from winding_core.run_spec import RunSpec
+from winding_ros.topics import FEM
 
 if TYPE_CHECKING:
     from winding_supervisor.machines.external_machine import ExternalMachineConfig
@@ -232,3 +237,27 @@ def _refuse_taken(host: str, port: int) -> None:
                 f"the page cannot be served on {host}, port {port}: {error.strerror}; "
                 "choose another with --dashboard-port"
             ) from error
+
+
+def warn_of_slowness(config: RunConfig) -> None:
+    """Print on stderr when the solver may fall behind, with a mass scaling that helps.
+
+    A simulated machine that follows its slowest consumer waits for it.
+    """
+    spec = config.spec
+    pace = 1.0 if spec.external else spec.machine.speed
+    values = config.parameters().get(FEM)
+    if values is None or not pace:
+        return
+    wanted: Any = build(FemParameters, values, owner=FEM)
+    if wanted.element != "rod":
+        # Simulated time waits for the solid.
+        return
+    with busy("estimating the time"):
+        try:
+            sentence = falling_behind(wanted.in_step(), time.process_time, pace=pace)
+        except (SolverError, ValueError):
+            # The node refuses it as it is configured, with the same sentence.
+            return
+    if sentence:
+        print(f"doubtful: {sentence}", file=sys.stderr, flush=True)

@@ -88,8 +88,8 @@ class RunDelivery:
         if chosen:
             if not result.wound or result.buffer.time <= 0.0:
                 return None
-            stated = declared_in(Condition, result.wound)
-            condition = build(Condition, stated, owner="the run")
+            declared = declared_in(Condition, result.wound)
+            condition = build(Condition, declared, owner="the run")
         self._count += 1
         parameters = self._config.parameters()
         if result.wound:

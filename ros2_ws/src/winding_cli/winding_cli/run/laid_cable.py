@@ -24,8 +24,13 @@ from winding_core.lay.records import (
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
 from winding_core.parameters import Value, build, declared_in
 from winding_recorder.live.run_buffer import RunBuffer
-from winding_reports.records.drum_outcome import drum_outcome
-from winding_reports.records.lay_outcome import LaidLine, LaidRun, LayOutcome, lay_outcome
+from winding_reports.records.lay_outcome import (
+    LaidLine,
+    LaidRun,
+    LayOutcome,
+    drum_outcome,
+    lay_outcome,
+)
 from winding_reports.records.run_record import MarkerSeries, WoundCable
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud

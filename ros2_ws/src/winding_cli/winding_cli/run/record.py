@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -29,7 +28,7 @@ from winding_reports.records.identity import (
     Identity,
     Origin,
     condition_quantities,
-    solver_quantities,
+    declared_quantities,
 )
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 from winding_reports.trace import length_trace
@@ -168,12 +167,13 @@ def run_record(
             weights=weights,
             weights_sha256=digest,
             condition=condition_quantities(condition)
-            | solver_quantities(
-                replace(
-                    solver,
-                    segment_length=config.resolved.segment,
-                    mass_scaling=config.mass_scaling,
-                )
+            | declared_quantities(
+                SolverOptions,
+                vars(solver)
+                | {
+                    "segment_length": config.resolved.segment,
+                    "mass_scaling": config.mass_scaling,
+                },
             ),
         ),
         cable=last_cable(buffer, case, wish),

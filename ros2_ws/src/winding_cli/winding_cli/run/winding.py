@@ -42,10 +42,6 @@ _FIRST_WORDS = "starting the nodes; the first start after an install compiles ke
 def wind(config: RunConfig, delivery: RunDelivery) -> Callable[[], NoReturn] | None:
     """Wind with a live picture on a terminal, and with lines of progress elsewhere.
 
-    Args:
-        config: Of the run.
-        delivery: Takes what every run leaves.
-
     Returns:
         How the command is to end if it ended early.
     """

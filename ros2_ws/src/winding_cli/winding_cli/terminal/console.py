@@ -71,11 +71,6 @@ def marker_name(record: Any) -> str:
     return f"P{record['id']}"
 
 
-def known(value: float) -> float | None:
-    """Return a number, or None in place of one that is not finite, which JSON has not."""
-    return value if math.isfinite(value) else None
-
-
 def result_console() -> Console:
     """Return a console on stdout that cuts no table in a pipe or a file, which have no width."""
     from rich.console import Console

@@ -134,8 +134,10 @@ def print_aside() -> None:
     sys.stdout = sys.stderr
 
 
-def write_json(path: Path, content: object) -> None:
-    """Write JSON into a file, or to standard output."""
+def write_json(path: Path | None, content: object) -> None:
+    """Write JSON into a file, or to standard output; None writes nothing."""
+    if path is None:
+        return
     text = json_format.dumps(content, indent=1)
     if path == STANDARD_OUTPUT:
         print(text, file=_results.get(sys.stdout), flush=True)

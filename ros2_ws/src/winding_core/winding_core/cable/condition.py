@@ -131,9 +131,6 @@ class CableAndLoad:
     def wound_case(self, spelled: Mapping[str, str]) -> Case:
         """Return the case that the parameters name or spell out.
 
-        Args:
-            spelled: How a refusal writes each parameter's name.
-
         Raises:
             ParameterError: Values are missing or contradict each other.
         """
@@ -178,10 +175,6 @@ class CableAndLoad:
 
 def published_case(number: object, name: str) -> Case:
     """Return a case of Table 1.
-
-    Args:
-        number: Of the case, as it was given.
-        name: How a refusal writes what was given.
 
     Raises:
         ParameterError: There is no such case.

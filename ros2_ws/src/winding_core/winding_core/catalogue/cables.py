@@ -57,15 +57,15 @@ class Cable:
     winding: Mapping[str, Any] = field(default_factory=dict)  # Options of a trial winding
     path: Path | None = None  # Of the file of an own one; None for one that is shipped
 
-    def below(self, stated: Mapping[str, Any]) -> dict[str, Any]:
-        """Return options of a run with the cable's where nothing else is stated.
+    def below(self, given: Mapping[str, Any]) -> dict[str, Any]:
+        """Return options of a run with the cable's where nothing else is given.
 
-        The trial winding is wound where neither case nor cylinder is stated.
+        The trial winding is wound where neither case nor cylinder is given.
         """
-        trial = {} if stated.keys() & {*_OTHERWISE} else self.winding
-        said = {key for group in ALTERNATIVES if stated.keys() & {*group} for key in group}
+        trial = {} if given.keys() & {*_OTHERWISE} else self.winding
+        replaced = {key for group in ALTERNATIVES if given.keys() & {*group} for key in group}
         brought = {**trial, **self.properties}
-        return {key: brought[key] for key in brought if key not in said} | dict(stated)
+        return {key: brought[key] for key in brought if key not in replaced} | dict(given)
 
     def text(self) -> str:
         """Return the file of the cable."""
@@ -83,9 +83,9 @@ class Cable:
 
 def own_folder() -> Path:
     """Return the user's folder of cables, by the XDG base directory specification."""
-    stated = os.environ.get("XDG_DATA_HOME", "")
-    # A relative path is none, says the specification.
-    data = Path(stated) if Path(stated).is_absolute() else Path.home() / ".local" / "share"
+    configured = os.environ.get("XDG_DATA_HOME", "")
+    # The specification ignores a relative path.
+    data = Path(configured) if Path(configured).is_absolute() else Path.home() / ".local" / "share"
     return data / "cable-winding-twin" / "cables"
 
 
@@ -146,8 +146,8 @@ def read_cable(path: Path, *, shipped: bool = False) -> Cable:
     if not path.is_file():
         raise CableError(f"there is no cable file {path}")
     try:
-        stated = read_cell(path, _SECTIONS)
-        return _cable(path, stated, shipped=shipped)
+        content = read_cell(path, _SECTIONS)
+        return _cable(path, content, shipped=shipped)
     except CellError as error:
         raise CableError(str(error).replace("a cell file", "a cable file")) from error
 
@@ -180,24 +180,24 @@ def check_cable(cable: Cable) -> Cable:
     return cable
 
 
-def _cable(path: Path, stated: CellFile, *, shipped: bool) -> Cable:
-    parts: dict[str, dict[str, Any]] = stated.by_section
+def _cable(path: Path, content: CellFile, *, shipped: bool) -> Cable:
+    parts: dict[str, dict[str, Any]] = content.by_section
     for section, owner in (("properties", Condition), ("winding", None)):
         for key, value in parts[section].items():
             kind = owner or (SolverOptions if key in options(SolverOptions) else Condition)
             try:
                 typed_values(kind, {key: value})
             except ParameterError as error:
-                stated.place(section, key).refuse(error)
+                content.place(section, key).refuse(error)
     for section in ("cable", "sources"):
         for key, value in parts[section].items():
             if not isinstance(value, str):
-                stated.place(section, key).refuse(f"{key} must be a text, got {value!r}")
+                content.place(section, key).refuse(f"{key} must be a text, got {value!r}")
     for key, value in parts["uncertainty"].items():
         try:
             _check_uncertainty(key, value, parts["properties"])
         except ParameterError as error:
-            stated.place("uncertainty", key).refuse(error)
+            content.place("uncertainty", key).refuse(error)
     head: dict[str, Any] = parts.pop("cable")
     rest: dict[str, Any] = parts
     try:
@@ -211,7 +211,7 @@ def _cable(path: Path, stated: CellFile, *, shipped: bool) -> Cable:
             )
         )
     except ParameterError as error:
-        stated.start.refuse(error)
+        content.start.refuse(error)
 
 
 def _check_uncertainty(key: str, sigma: object, properties: Mapping[str, Any]) -> None:

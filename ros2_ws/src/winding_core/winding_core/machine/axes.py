@@ -100,9 +100,6 @@ class AxisReader:
 
     A slope is that of the parabola through the newest position and two earlier ones, so it is
     exact while the machine accelerates evenly.
-
-    Args:
-        axes: Of the machine.
     """
 
     def __init__(self, axes: MachineAxes) -> None:

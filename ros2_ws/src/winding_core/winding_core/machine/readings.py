@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from typing import Self
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,6 +15,12 @@ class AxisReading:
     angular_speed: float  # [rad/s]
     carriage_position: float  # Way of the guide along +z since the start [m].
     feed_speed: float  # [m/s]
+
+    @classmethod
+    def of_positions(cls, cylinder_angle: float, carriage_position: float) -> Self:
+        """Return a reading of positions [rad], [m] without speeds, which are nan."""
+        speeds = {"angular_speed": math.nan, "feed_speed": math.nan}
+        return cls(cylinder_angle=cylinder_angle, carriage_position=carriage_position, **speeds)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,6 @@ from typing import Any, Self
 
 from winding_core.cable.condition import Condition
 from winding_core.parameters import Value, options, shown_values
-from winding_core.run_options import SolverOptions
 
 # What decides numbers or bytes, by the name that it is imported by.
 LIBRARIES = ("python", "numpy", "numba", "rclpy")
@@ -79,14 +78,14 @@ class Origin:
             ValueError: It is not one.
         """
         try:
-            stated = json.loads(text)
+            recorded = json.loads(text)
             return cls(
-                run_id=str(stated["run_id"]),
-                began=datetime.fromisoformat(stated["date"]),
-                project_version=str(stated["project_version"]),
-                versions={str(k): str(v) for k, v in stated["versions"].items()},
-                host=str(stated["host"]),
-                labels={str(k): str(v) for k, v in stated.get("labels", {}).items()},
+                run_id=str(recorded["run_id"]),
+                began=datetime.fromisoformat(recorded["date"]),
+                project_version=str(recorded["project_version"]),
+                versions={str(k): str(v) for k, v in recorded["versions"].items()},
+                host=str(recorded["host"]),
+                labels={str(k): str(v) for k, v in recorded.get("labels", {}).items()},
             )
         except (KeyError, TypeError, AttributeError) as error:
             raise ValueError(f"not the origin of a run: {error!r}") from error
@@ -164,9 +163,9 @@ def condition_quantities(condition: Condition) -> dict[str, Quantity]:
     return _quantities(type(condition), values)
 
 
-def solver_quantities(solver: SolverOptions) -> dict[str, Quantity]:
-    """Return how a condition was wound, every value in the unit of its option."""
-    return _quantities(type(solver), shown_values(type(solver), vars(solver)))
+def declared_quantities(kind: type, values: Mapping[str, Value]) -> dict[str, Quantity]:
+    """Return values [SI] of fields that a record declares, each in the unit of its option."""
+    return _quantities(kind, shown_values(kind, values))
 
 
 def _quantities(kind: type, values: Mapping[str, Value]) -> dict[str, Quantity]:

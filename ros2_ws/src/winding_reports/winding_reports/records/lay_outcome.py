@@ -1,9 +1,9 @@
-"""What became of a wanted lay, beside what the machine would have laid without control."""
+"""What became of a wanted lay, beside a run without control, and how a drum was filled."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.errors import (
     FIRST_JUDGED,
-    FULL_TURN,
     LayVerdict,
     TurnError,
     WantedLine,
@@ -21,6 +20,7 @@ from winding_core.lay.errors import (
     turn_errors,
 )
 from winding_core.lay.guide_path import lay_of
+from winding_core.lay.layers import FULL_TURN, Layer, WoundDrum
 from winding_core.lay.records import (
     LAY_DTYPE,
     ControlBasis,
@@ -28,8 +28,68 @@ from winding_core.lay.records import (
     LayControlRecords,
     LayRecords,
 )
+from winding_core.units import known
 
 Array = NDArray[np.float64]
+
+# Places of a turn on the unrolled surface.
+PER_TURN = 24
+
+
+def drum_outcome(
+    wound: WoundDrum,
+    control: LayControlRecords,
+    places: LayRecords,
+    faults: Sequence[Any],
+) -> dict[str, Any]:
+    """Return the unrolled surface of each layer as plain values, null where nothing is known.
+
+    Args:
+        wound: The drum as it was to be filled.
+        control: States that the controller published, which say where the cable landed, shape (n,).
+        places: Measured places, each as high as its layer, shape (m,).
+        faults: What the controller found, as plain values.
+    """
+    order = np.unique(control["theta"], return_index=True)[1]
+    landed = control["theta"][order], control["z"][order].astype(float)
+    drum = wound.drum
+    return {
+        "width_m": drum.width,
+        "flange_height_m": drum.flange_height,
+        "start_side": drum.start_side,
+        "winding": wound.winding,
+        "pitch_m": wound.pitch,
+        "cable_diameter_m": wound.cable_diameter,
+        "faults": list(faults),
+        "layers": [_layer(layer, wound, landed, places) for layer in wound.layers],
+    }
+
+
+def _layer(
+    layer: Layer, wound: WoundDrum, landed: tuple[Array, Array], places: LayRecords
+) -> dict[str, Any]:
+    first, last = layer.first_turn * FULL_TURN, layer.last_turn * FULL_TURN
+    step = FULL_TURN / PER_TURN
+    theta = first + step * (np.arange(max(round((last - first) / step), 1)) + 0.5)
+    measured = np.full(theta.shape, np.nan)
+    own = places[(places["theta"] >= first) & (places["theta"] < last)]
+    at = np.minimum(((own["theta"] - first) / step).astype(int), theta.size - 1)
+    for k in np.unique(at):
+        measured[k] = float(own["z"][at == k].mean())
+    estimated = np.interp(theta, *landed, left=np.nan, right=np.nan)
+    return {
+        "number": layer.number,
+        "radius_m": layer.radius,
+        "direction": layer.direction,
+        "first_turn": layer.first_turn,
+        "last_turn": layer.last_turn,
+        "measured_share": float(np.mean(np.isfinite(measured))),
+        "theta_rad": theta.tolist(),
+        "wanted_z_m": np.interp(theta, wound.theta, wound.z).tolist(),
+        "landed_z_m": [*map(known, estimated)],
+        "measured_z_m": [*map(known, measured)],
+    }
+
 
 _STEP = 0.02
 # A wanted lay that is no farther from the drive programme's helix is that helix [m].
@@ -203,8 +263,8 @@ def outcome_json(lay: LayOutcome) -> dict[str, Any]:
         "first_judged_turn": FIRST_JUDGED,
         "kept": lay.verdict.kept,
         "verdict": lay.verdict.sentence,
-        "rms_m": _known(achieved),
-        "without_control_rms_m": _known(without),
+        "rms_m": known(achieved),
+        "without_control_rms_m": known(without),
         "turns": [
             {
                 "turn": turn.number,
@@ -215,23 +275,23 @@ def outcome_json(lay: LayOutcome) -> dict[str, Any]:
                 "error_mean_m": turn.mean,
                 "error_rms_m": turn.rms,
                 "error_largest_m": turn.largest,
-                "sigma_z_m": _known(turn.sigma_z),
+                "sigma_z_m": known(turn.sigma_z),
                 "without_control_error_mean_m": by_turn[turn.number].mean
                 if turn.number in by_turn
                 else None,
             }
             for turn in lay.turns
         ],
-        "free_length_m": _known(lay.free_length),
-        "sigma_free_length_m": _known(lay.sigma_free_length),
-        "load_share": _known(lay.load_share),
-        "sigma_load_share": _known(lay.sigma_load_share),
+        "free_length_m": known(lay.free_length),
+        "sigma_free_length_m": known(lay.sigma_free_length),
+        "load_share": known(lay.load_share),
+        "sigma_load_share": known(lay.sigma_load_share),
         "markers": [
             {
                 "id": landing.number,
                 "wanted_rad": landing.wanted,
-                "landed_rad": _known(landing.landed),
-                "error_rad": _known(landing.landed - landing.wanted),
+                "landed_rad": known(landing.landed),
+                "error_rad": known(landing.landed - landing.wanted),
             }
             for landing in lay.landings
         ],
@@ -240,7 +300,3 @@ def outcome_json(lay: LayOutcome) -> dict[str, Any]:
         "drive_share": lay.drive_share,
         **({} if lay.drum is None else {"drum": dict(lay.drum)}),
     }
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,6 +17,7 @@ from winding_core.error_verdict import ErrorVerdict, error_pct
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.drum import Drum
 from winding_core.run_outcome import RunOutcome
+from winding_core.units import known
 from winding_reports.records.identity import Identity
 from winding_reports.records.lay_outcome import LayOutcome, outcome_json
 from winding_reports.trace import LengthTrace, hop_costs
@@ -220,17 +220,17 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "markers": [
             {
                 "id": row.id,
-                "original_m": _number(row.original),
-                "s_fem_m": _number(row.s_fem),
-                "s_tracked_m": _number(row.s_tracked),
-                "h": _number(row.h),
-                "h_held_out": _number(row.h_held_out),
-                "s_corrected_m": _number(row.s_corrected),
-                "s_published_m": _number(row.s_published),
-                "error_fem_pct": _number(row.error_fem_pct),
-                "error_corrected_pct": _number(row.error_corrected_pct),
+                "original_m": known(row.original),
+                "s_fem_m": known(row.s_fem),
+                "s_tracked_m": known(row.s_tracked),
+                "h": known(row.h),
+                "h_held_out": known(row.h_held_out),
+                "s_corrected_m": known(row.s_corrected),
+                "s_published_m": known(row.s_published),
+                "error_fem_pct": known(row.error_fem_pct),
+                "error_corrected_pct": known(row.error_corrected_pct),
                 "error_held_out_pct": error_pct(row.s_published, row.s_held_out),
-                **({} if record.element == "rod" else {"s_rod_m": _number(row.s_rod)}),
+                **({} if record.element == "rod" else {"s_rod_m": known(row.s_rod)}),
             }
             for row in record.rows
         ],
@@ -238,8 +238,8 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "frames_lost": record.frames_lost,
         "joint_states": record.joint_states,
         "joint_states_lost": record.joint_states_lost,
-        "wall_s": _number(record.wall_s),
-        "sim_s": _number(record.sim_s),
+        "wall_s": known(record.wall_s),
+        "sim_s": known(record.sim_s),
         "error_verdict": record.verdict.as_json(),
         **({} if record.material is None else {"material": _material_json(record.material)}),
         **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
@@ -256,9 +256,9 @@ def _lay_json(lay: LayOutcome) -> dict[str, Any]:
 def _material_json(material: MaterialReport) -> dict[str, Any]:
     return {
         "law": material.law,
-        "young_pa": _number(material.young),
-        "standard_error_pa": _number(material.standard_error),
-        "half_width_90_pa": _number(material.half_width_90),
+        "young_pa": known(material.young),
+        "standard_error_pa": known(material.standard_error),
+        "half_width_90_pa": known(material.half_width_90),
         "markers": list(material.markers),
         "taken_up": material.taken_up,
         "refused": material.refusal or None,
@@ -289,7 +289,3 @@ def write_run_json(record: RunRecord, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     text = json.dumps(run_json(record), indent=2, allow_nan=False)
     path.write_text(text + "\n", encoding="utf-8")
-
-
-def _number(value: float | None) -> float | None:
-    return None if value is None or not math.isfinite(value) else float(value)

@@ -1,10 +1,11 @@
-"""One run of a folder as a row of its index: what it was, how it came out, what was measured."""
+"""A run of a folder as a row of its index, and two runs side by side."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -15,7 +16,7 @@ UNHEALTHY, UNREADABLE, BROKEN_OFF, TWIN = "unhealthy", "unreadable", "broken off
 VERDICTS = (*(verdict.value for verdict in Verdict), UNHEALTHY, UNREADABLE, BROKEN_OFF, TWIN)
 # No run's numbers are larger [bytes].
 _LARGEST = 50_000_000
-# Options that may differ between runs of one series: labels, lengths, the same said twice.
+# Options that may differ between runs of one series: labels, lengths, redundant options.
 _NOT_OF_A_SERIES = ("case", "duration_s", "markers", "tension_mpa", "guide_distance_mm")
 
 
@@ -157,12 +158,12 @@ def _cable_name(case: int | None, condition: object) -> str | None:
 def _digest(condition: object) -> str:
     if not isinstance(condition, dict):
         return ""
-    stated = sorted(
+    conditions = sorted(
         (name, str(_at(item, "value")))
         for name, item in condition.items()
         if name not in _NOT_OF_A_SERIES
     )
-    return hashlib.sha256(repr(stated).encode()).hexdigest()[:12]
+    return hashlib.sha256(repr(conditions).encode()).hexdigest()[:12]
 
 
 def _at(content: object, *keys: str) -> Any:
@@ -187,3 +188,69 @@ def _number(content: object, *keys: str) -> float | None:
     found = _at(content, *keys)
     known = isinstance(found, int | float) and not isinstance(found, bool)
     return float(found) if known and math.isfinite(found) else None
+
+
+# Fields that describe the file and not the run.
+_OF_THE_INDEX = ("series", "healthy", "good")
+
+
+def compared(first: Path, second: Path) -> dict[str, Any]:
+    """Return two runs side by side as JSON values.
+
+    Every number of the index is there, every marker, and of the condition what differs.
+
+    Args:
+        first: Its `run.json`.
+        second: Its `run.json`.
+
+    Raises:
+        ValueError: One of them cannot be read.
+    """
+    runs = [_content(path) for path in (first, second)]
+    pairs = zip(
+        *(_values(path, run) for path, run in zip((first, second), runs, strict=True)), strict=True
+    )
+    rows = [_row(name, one, other) for (name, one), (_, other) in pairs]
+    return {"runs": [str(first), str(second)], "rows": [*rows, *_markers(runs), *_condition(runs)]}
+
+
+def _content(path: Path) -> Any:
+    try:
+        content = json.loads(path.read_bytes())
+    except OSError as error:
+        raise ValueError(f"{path} cannot be read: {error.strerror or error}") from error
+    except (ValueError, RecursionError) as error:
+        raise ValueError(f"{path} is no JSON") from error
+    row = run_row(str(path.parent), content)
+    if row.verdict == UNREADABLE:
+        raise ValueError(f"{path}: {row.reason}")
+    return content
+
+
+def _values(path: Path, content: Any) -> list[tuple[str, Any]]:
+    row: RunRow = run_row(str(path.parent), content)
+    return [item for item in row._asdict().items() if item[0] not in _OF_THE_INDEX]
+
+
+def _row(name: str, first: Any, second: Any) -> dict[str, Any]:
+    numbers = all(
+        isinstance(value, int | float) and not isinstance(value, bool) for value in (first, second)
+    )
+    difference = second - first if numbers and name != "case" else None
+    return {"name": name, "first": first, "second": second, "difference": difference}
+
+
+def _markers(runs: list[Any]) -> Iterator[dict[str, Any]]:
+    markers = [{item["id"]: item for item in run.get("markers", [])} for run in runs]
+    for number in sorted(markers[0].keys() | markers[1].keys()):
+        for key in ("s_fem_m", "s_tracked_m", "s_corrected_m"):
+            values = (marker.get(number, {}).get(key) for marker in markers)
+            yield _row(f"P{number} {key}", *values)
+
+
+def _condition(runs: list[Any]) -> Iterator[dict[str, Any]]:
+    conditions = [run["identity"].get("condition", {}) for run in runs]
+    for name in sorted(conditions[0].keys() | conditions[1].keys()):
+        values = [condition.get(name, {}).get("value") for condition in conditions]
+        if values[0] != values[1]:
+            yield _row(name, *values)

@@ -23,9 +23,8 @@ from winding_reports.documents.picture import (
     canvas,
     picture,
 )
-from winding_reports.runs.drift_chart import AVERAGE_RUN_LENGTH, FIRST, LIMIT
 from winding_reports.runs.run_row import RunRow
-from winding_reports.runs.trend import Trend, announcements
+from winding_reports.runs.trend import AVERAGE_RUN_LENGTH, FIRST, LIMIT, Trend, announcements
 
 MOST_PICTURES, MOST_RUNS, MOST_SENTENCES = 6, 30, 8
 _TEMPLATE = "trend.html.j2"
@@ -147,8 +146,8 @@ def _picture(trend: Trend) -> Picture:
             axes.set_xlim(0.5, len(number) + 0.5)
             axes.xaxis.set_major_locator(MaxNLocator(integer=True))
         newest = chart.drifts[-1] if chart.drifts else None
-        said = "No drift." if newest is None else f"{trend.sentence(newest)}."
-        return picture(figure, heading, said[0].upper() + said[1:])
+        sentence = "No drift." if newest is None else f"{trend.sentence(newest)}."
+        return picture(figure, heading, sentence[0].upper() + sentence[1:])
 
 
 def _ranged(axes: Axes, trend: Trend) -> None:

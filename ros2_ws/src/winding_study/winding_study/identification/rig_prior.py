@@ -17,14 +17,14 @@ class RigPriorParameters:
 
     young_factor: float = parameter(
         2.0,
-        "factor within which Young's modulus lies of the stated one two times in three",
+        "factor within which Young's modulus lies of the configured one two times in three",
         PLAIN,
         1.001,
         1.0e3,
         option="prior_young_factor",
     )
     free_length: list[float] = parameter(
-        [0.8, 1.2], "range of the free length, as shares of the stated one", PLAIN, 1.0e-3, _SHARE,
+        [0.8, 1.2], "range of the free length, over the configured one", PLAIN, 1.0e-3, _SHARE,
         option="prior_free_length",
     )  # fmt: skip
     load_share: list[float] = parameter(

@@ -30,8 +30,8 @@ from winding_reports.documents.picture import (
     canvas,
     picture,
 )
+from winding_study.paper.paper_tables import model_order
 from winding_study.paper.study_record import StudyRecord
-from winding_study.paper.study_tables import model_order
 
 Array = NDArray[np.float64]
 Cell = tuple[int, int]

@@ -6,11 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from correction_node.training.comparison import RIG_PROCESS
-from correction_node.training.learners import LEARNERS, RIG
+from correction_node.training.training import LEARNERS, RIG
 from winding_core.cable.cases import paper_case
-from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
-from winding_core.units import MILLIMETRE
 from winding_reports.documents.page import PAGE, Tile, render_page
 from winding_reports.documents.picture import Picture
 from winding_reports.records.identity import Identity, condition_texts
@@ -168,24 +166,10 @@ def _notes(record: StudyRecord) -> list[str]:
 
 
 def _facts(record: StudyRecord, stored: int) -> dict[str, str]:
-    config = record.config
-    if config is None:
+    if record.config is None:
         return {"Base": "the paper's simulation column, as printed"}
-    segment = (
-        f"{config.segment_length / MILLIMETRE:g} mm"
-        if config.segment_length is not None
-        else "5 mm"
-        if config.element == "rod"
-        else "a sixth of the cylinder's diameter"
-    )
     cpu = sum(result.cpu_seconds for result in record.results)
     return {
-        "Element": config.element,
-        "Material law": config.law,
-        "Element length": segment,
-        "Mass scaling": f"{config.scaling:g}",
-        "Free length": f"{PAPER_FREE_LENGTH / MILLIMETRE:g} mm",
-        "Run": f"{config.duration:g} s",
         "Processor time": f"{cpu:.1f} s for {len(record.results)} cases",
         "From the store": f"{stored} of {len(record.results)} cases",
         "Energy balance": "open by at most "

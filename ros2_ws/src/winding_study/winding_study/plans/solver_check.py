@@ -53,10 +53,6 @@ class SolverLay:
 def wind_plan(plan: LayPlan, config: WindingConfig) -> SolverLay:
     """Wind a plan with the rod.
 
-    Args:
-        plan: The plan.
-        config: Model of what the plan winds.
-
     Raises:
         SolverError: The integration failed, see `RodWinding`.
         ValueError: The rod cannot be right about it.
@@ -106,10 +102,6 @@ def solver_lag(plan: LayPlan, solver: SolverLay) -> float:
 
     Bending lets the cable leave the cylinder elsewhere than a thread would: the rod's lag is a few
     per cent off free length over radius.
-
-    Args:
-        plan: The plan that was wound.
-        solver: Where the rod lies after it.
     """
     _, theta, guide = plan.motion.grid()
     lag = plan.lag

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from rclpy.node import Node
 
 from winding_core.machine.axes import JointSample, MachineAxes
-from winding_core.machine.heard_joints import missing_joints
+from winding_core.machine.incoming_readings import missing_joints
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics

@@ -17,6 +17,7 @@ from lay_control_node.control.guide_law import WantedLay, WantedProgram
 from lay_control_node.programs.simple_programs import even_helix
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.lay.records import ControlMode
+from winding_core.units import known
 from winding_rig_node.lay.lay_on import HiddenRig
 from winding_verification.closed_loop.run import ClosedRun, wind
 
@@ -82,10 +83,10 @@ class ClosedLoopRow:
             "seed": self.seed,
             "truth": self.truth,
             "mode": self.mode,
-            "marker_error_mm": [_known(1.0e3 * value) for value in self.marker_error],
-            "turn_rms_mm": [_known(1.0e3 * value) for value in self.turn_rms],
-            "marker_miss_turns": [_known(value / _FULL_TURN) for value in self.marker_miss],
-            "said_miss_turns": [_known(value / _FULL_TURN) for value in self.expected_miss],
+            "marker_error_mm": [known(1.0e3 * value) for value in self.marker_error],
+            "turn_rms_mm": [known(1.0e3 * value) for value in self.turn_rms],
+            "marker_miss_turns": [known(value / _FULL_TURN) for value in self.marker_miss],
+            "said_miss_turns": [known(value / _FULL_TURN) for value in self.expected_miss],
             "free_length_m": self.free_length,
             "estimated_free_length_m": self.estimated_length,
             "sigma_free_length_m": self.sigma_length,
@@ -181,7 +182,7 @@ def _wound(case: int, seed: int, truth: str, mode: str, config: ClosedLoopConfig
 def _within_reach(
     control: ControlParameters, what: ResolvedCondition, wanted: WantedLay
 ) -> dict[int, float]:
-    """Return where markers land [rad] under a share of the weight, if all is as believed."""
+    """Return where markers land [rad] under a share of the weight, without errors."""
     case = what.case
     watching = control.controller(what, wanted, markers={1: 1.0}, mode=ControlMode.WATCH)
     assert watching.landing is not None
@@ -246,7 +247,3 @@ def _percentiles(values: Array) -> Array:
     if not known.size:
         return np.full(3, np.nan)
     return np.asarray(np.percentile(known, (50.0, 95.0, 100.0)))
-
-
-def _known(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None

@@ -64,8 +64,7 @@ def closed_loop(
                 100.0,
             )
         )
-    if json is not None:
-        write_json(json, [row.record() for row in rows])
+    write_json(json, [row.record() for row in rows])
 
 
 def _table(

@@ -38,7 +38,7 @@ def faults(
     """
     from winding_supervisor.session.interruption import Interruption, run_closing
     from winding_verification.faults import campaign
-    from winding_verification.faults.random_plans import draw_plans
+    from winding_verification.faults.campaign import draw_plans
 
     check_output_file(json, "--json", force=force)
     tried = campaign.ROWS
@@ -60,7 +60,6 @@ def faults(
         outcomes = run_closing(work)
     passed = sum(outcome.passed for outcome in outcomes)
     typer.echo(f"{passed} of {len(outcomes)} runs came out as they had to")
-    if json is not None:
-        write_json(json, [outcome.as_record() for outcome in outcomes])
+    write_json(json, [outcome.as_record() for outcome in outcomes])
     if passed < len(outcomes):
         raise typer.Exit(FAILED)

@@ -16,7 +16,7 @@ from winding_cli.terminal.output_path import Force, Json, check_output_file, wri
 from winding_cli.terminal.refusal import FAILED, refuse
 
 if TYPE_CHECKING:
-    from winding_verification.experiments.external_row import ExternalRow
+    from winding_verification.experiments.scenario import ExternalRow
     from winding_verification.solver.suite import Row
 
 _Row = TypeVar("_Row")
@@ -44,8 +44,7 @@ def verify(
         passed, records = _compare_external(external, problems or [])
     else:
         refuse(f"--external: there is no folder {external}")
-    if json_file is not None:
-        write_json(json_file, records)
+    write_json(json_file, records)
     if not passed:
         raise typer.Exit(FAILED)
 

@@ -10,10 +10,10 @@ from pathlib import Path
 from winding_verification.experiments import cosserat_experiments as cosserat
 from winding_verification.experiments import elastic_capstan
 from winding_verification.experiments import held_cable_comparison as held
-from winding_verification.experiments.external_row import ExternalRow
 from winding_verification.experiments.motion_capture import cable_folders, read_cable
 from winding_verification.experiments.scenario import (
     ExternalFileError,
+    ExternalRow,
     Scenario,
     read_scenario,
 )

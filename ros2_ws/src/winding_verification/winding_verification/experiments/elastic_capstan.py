@@ -13,8 +13,7 @@ from scipy.optimize import brentq
 
 from cable_fem_node.dynamics.state import CylinderContact, SolverError
 from cable_fem_node.winding.resolved_model import chord_radius
-from winding_verification.experiments.external_row import ExternalRow
-from winding_verification.experiments.scenario import ExternalFileError
+from winding_verification.experiments.scenario import ExternalFileError, ExternalRow
 from winding_verification.rod.rod import Rod, RodSection
 
 _RADIUS, _PULL = 0.03, 1.0  # [m], [N]; everything is counted in them

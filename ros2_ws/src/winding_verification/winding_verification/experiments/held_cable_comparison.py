@@ -5,15 +5,172 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import least_squares
 
 from cable_fem_node.dynamics.state import DivergenceError, FloatArray
-from winding_verification.experiments.external_row import ExternalRow
-from winding_verification.experiments.held_cable import HeldCable, loss, predict
 from winding_verification.experiments.motion_capture import FRAME_TIME, CapturedCable
-from winding_verification.experiments.scenario import ExternalFileError
+from winding_verification.experiments.scenario import ExternalFileError, ExternalRow
+from winding_verification.rod.rod import Rod, RodSection
+
+GRAVITY = (0.0, 0.0, -9.81)
+# Motions alone are measured, so that every stiffness counts by mass and the density is free.
+_DENSITY = 1.0e3
+# Of axial waves [m/s]: by its own weight a cable of a metre stretches by 0.05 %.
+_WAVE_SPEED = 100.0
+_POISSON = 0.43
+# The least step is not to be that of twist, which stays faster than any swing.
+_SPIN_INERTIA = 20.0
+_ROUNDS = 20  # of moving nodes until the gaps between them are right
+
+
+@dataclass(frozen=True, kw_only=True)
+class HeldCable:
+    """What a cable is, by its mass.
+
+    Attributes:
+        natural: Unstressed curvature about the horizontal y axis and across it, at the start's
+            clamp and evenly along the cable, two numbers [1/m].
+        own: Share of what the first frame tells of the unstressed shape beyond `natural`, 0 to 1.
+    """
+
+    bending: float  # EI / (rho A) [m^4/s^2]
+    viscosity: float  # Of bending [s]
+    drag: float  # Of the air [1/s]
+    natural: tuple[float, float]
+    own: float
+
+
+def predict(run: FloatArray, gaps: FloatArray, cable: HeldCable) -> FloatArray:
+    """Return where the markers of a run go, (frames, markers, 3) [m].
+
+    Nodes are the free markers and the inner gripped ones; a clamp points along the two gripped
+    markers of its end and does not spin about them. The first two frames give places and
+    velocities; of the later ones only gripped markers are used.
+
+    Args:
+        run: (frames, markers, 3) [m].
+        gaps: Unstressed lengths between the markers (markers - 1,) [m].
+        cable: What it is.
+
+    Raises:
+        SolverError: The rod diverged.
+    """
+    rod = _placed(run, gaps, cable)
+    first, last = run[:, 1] - run[:, 0], run[:, -1] - run[:, -2]
+    end = rod.mass.size - 1
+    place = rod.points.position
+    found = run.copy()
+    for frame in range(2, run.shape[0]):
+        rod.drive(0, (run[frame, 1] - place[:, 0]) / FRAME_TIME)
+        rod.drive(end, (run[frame, -2] - place[:, end]) / FRAME_TIME)
+        rod.aim("start", first[frame])
+        rod.aim("end", last[frame])
+        rod.advance(FRAME_TIME)
+        found[frame, 2:-2] = place.T[1:-1]
+    return found
+
+
+def loss(found: FloatArray, run: FloatArray) -> float:
+    """Return DEFORM's loss [m]: mean of |x - x_measured| over coordinates, markers and frames.
+
+    All markers count, the gripped ones with nothing, and all frames behind the first two.
+    """
+    return float(np.abs(found[2:] - run[2:]).mean())
+
+
+def _placed(run: FloatArray, gaps: FloatArray, cable: HeldCable) -> Rod:
+    reference = gaps[1:-1]
+    start, end = run[1, 1] - run[1, 0], run[1, -1] - run[1, -2]
+    section = RodSection(
+        diameter=4.0 * math.sqrt(cable.bending) / _WAVE_SPEED,
+        young=_DENSITY * _WAVE_SPEED**2,
+        poisson=_POISSON,
+        density=_DENSITY,
+    )
+    rod = Rod(_with_gaps(run[1, 1:-1], reference), section, reference=reference, twist=True)
+    rod.spin_inertia[:] *= _SPIN_INERTIA
+    rod.clamp("start", start)
+    rod.clamp("end", end)
+    rod.gravity[:] = GRAVITY
+    rod.damping_rate, rod.viscosity = cable.drag, cable.viscosity
+    first, second = rod.directors()
+    about_y = math.atan2(second[1, 0], first[1, 0])
+    c, s = math.cos(about_y), math.sin(about_y)
+    along, across = cable.natural
+    rod.natural[0] = rod.voronoi * (s * along + c * across)
+    rod.natural[1] = rod.voronoi * (s * across - c * along)
+    rod.natural[:2] += cable.own * shape_of_its_own(rod)
+    rod.set_velocities((run[1] - run[0])[1:-1] / FRAME_TIME)
+    return rod
+
+
+def _with_gaps(nodes: FloatArray, gaps: FloatArray) -> FloatArray:
+    """Return nodes that are moved as little as their gaps need; the ends stay."""
+    place = nodes.copy()
+    last = gaps.size - 1
+    for _ in range(_ROUNDS):
+        for i, gap in enumerate(gaps):
+            edge = place[i + 1] - place[i]
+            step = (1.0 - gap / np.linalg.norm(edge)) * edge
+            front, back = (i > 0), (i < last)
+            place[i] += front * step / (front + back)
+            place[i + 1] -= back * step / (front + back)
+    return place
+
+
+# How far a cable's inertia may stand in for gravity [m/s^2], against a curvature [1/m].
+_ACCELERATION, _CURVATURE = 3.0, 1.0
+
+
+def shape_of_its_own(rod: Rod) -> FloatArray:
+    """Return integrated curvatures (2, n) [rad] that no moment explains, beyond the natural ones.
+
+    Bending moments along a cable follow from force and moment at its start, from its weight and
+    from its acceleration, here the same everywhere:
+
+        M(s) = M0 - (x - x0) x F0 + int t x (g - a) rho A s ds.
+
+    M0, F0 and a are those that leave the least curvature besides; what they leave is returned.
+
+    Args:
+        rod: Framed, clamped at both ends, with gravity and its natural curvature.
+    """
+    place = rod.nodes
+    edges = np.diff(place, axis=0)
+    arc = np.concatenate([[0.0], np.cumsum(rod.reference)])
+    middle = 0.5 * (arc[1:] + arc[:-1])
+    by_mass = rod.section.density * rod.section.area
+    unit = np.eye(3)
+    columns = [np.tile(axis, (place.shape[0], 1)) for axis in unit]
+    columns += [-np.cross(place - place[0], axis) for axis in unit]
+    weights = []
+    for axis in unit:
+        turning = by_mass * middle[:, None] * np.cross(edges, axis)
+        weights.append(np.concatenate([np.zeros((1, 3)), np.cumsum(turning, axis=0)]))
+    columns += [-weight for weight in weights]
+    first, second = rod.directors()
+
+    def bent(moment: FloatArray) -> FloatArray:
+        along = np.concatenate([(moment.T * second).sum(axis=0), -(moment.T * first).sum(axis=0)])
+        return np.asarray(along / rod.section.bending)
+
+    weight = sum(pull * column for pull, column in zip(rod.gravity, weights, strict=True))
+    lengths = np.tile(rod.voronoi, 2)
+    left = (rod.curvatures() - rod.natural)[:2].ravel() / lengths - bent(np.asarray(weight))
+    matrix = np.stack([bent(column) for column in columns], axis=1)
+    by_length = np.sqrt(lengths) / _CURVATURE
+    held = np.zeros((3, 9))
+    held[:, 6:] = unit / _ACCELERATION
+    solved, *_ = np.linalg.lstsq(
+        np.concatenate([by_length[:, None] * matrix, held]),
+        np.concatenate([by_length * left, np.zeros(3)]),
+        rcond=None,
+    )
+    return np.asarray((lengths * (left - matrix @ solved)).reshape(2, -1))
+
 
 # Of the training runs, and of their frames.
 RUNS, FRAMES = 9, 400

@@ -1,17 +1,18 @@
-"""Scenarios of cosseratbench: rods, their ends, loads and obstacles, as its result folders say."""
+"""Scenarios of cosseratbench: what its folders describe, and a row of what is compared."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from cable_fem_node.dynamics.state import FloatArray
+from winding_core.units import known
 from winding_verification.rod.rod import RodSection
 
 FREE, PINNED, CLAMPED = ENDS = ("free", "pinned", "clamped")
@@ -188,10 +189,7 @@ def _published(folder: Path) -> dict[str, dict[str, float | None]]:
     for file in sorted(folder.glob("*/result.json")):
         result = json.loads(file.read_text(encoding="utf-8"))
         metrics = result.get("metrics") or {}
-        found[str(result["solver"])] = {
-            name: None if value is None or not math.isfinite(value) else float(value)
-            for name, value in metrics.items()
-        }
+        found[str(result["solver"])] = {name: known(value) for name, value in metrics.items()}
     return found
 
 
@@ -207,3 +205,34 @@ def _positive(name: str, entry: Any) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} must be positive and finite, got {entry}")
     return value
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExternalRow:
+    """One quantity of one experiment.
+
+    Attributes:
+        published: Of others, by solver; None for what they could not compute.
+    """
+
+    experiment: str  # Its name
+    variant: str  # Its parameters
+    quantity: str  # As the experiment's own definition has it, SI
+    computed: float  # With this project's rod
+    bar: float | None = None  # What its magnitude is held against; None for what is only reported
+    at_least: bool = False  # Whether it must reach the bar, instead of staying below it
+    published: Mapping[str, float | None] = field(default_factory=dict)
+
+    @property
+    def passed(self) -> bool:
+        """Whether the bar is kept; a nan never keeps one."""
+        if self.bar is None:
+            return True
+        size = abs(self.computed)
+        return size >= self.bar if self.at_least else size <= self.bar
+
+    def record(self) -> dict[str, Any]:
+        """Return the row for JSON."""
+        record = asdict(self)
+        kind = "least" if record.pop("at_least") else "most"
+        return record | {"bar_is": kind, "pass": self.passed}

@@ -9,7 +9,7 @@ import numpy as np
 from cable_fem_node.solid.solid_law import SolidLaw
 from winding_core.cable.material_law import MaterialLaw
 from winding_core.units import MEGAPASCAL
-from winding_verification.solver.references import Values, given, rotation_about
+from winding_verification.solver.suite import Values, given, rotation_about
 
 HYPERELASTIC = ("neo_hookean", "mooney_rivlin")
 

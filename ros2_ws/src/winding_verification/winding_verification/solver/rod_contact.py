@@ -9,8 +9,8 @@ import numpy as np
 from cable_fem_node.dynamics.state import CylinderContact
 from cable_fem_node.winding.resolved_model import chord_radius
 from winding_verification.rod.rod import Rod, RodSection
-from winding_verification.solver.references import Values
 from winding_verification.solver.rods import GRAVITY, line
+from winding_verification.solver.suite import Values
 
 LIMP = 1.0e-3
 

@@ -11,7 +11,7 @@ from cable_fem_node.dynamics.state import FloatArray
 from winding_core.units import MILLIMETRE
 from winding_verification.rod.rod import Rod, RodSection
 from winding_verification.rod.statics import equilibrium, frequencies, lowest_stiffness
-from winding_verification.solver.references import Values, rotations, wave_record
+from winding_verification.solver.suite import Values, rotations, wave_record
 
 GRAVITY = 9.81
 

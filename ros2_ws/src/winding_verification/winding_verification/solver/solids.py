@@ -15,7 +15,7 @@ from cable_fem_node.solid.hex_kernels import hex_stiffness
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import BarMesh, block, round_bar, section_mesh
-from winding_verification.solver.references import Values, given, rotations, wave_record
+from winding_verification.solver.suite import Values, given, rotations, wave_record
 
 
 def solid_equilibrium(

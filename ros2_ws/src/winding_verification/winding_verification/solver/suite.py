@@ -1,14 +1,60 @@
-"""The verification suite: every problem's computed quantities against its references."""
+"""The verification suite: what problems are given, what they compute, and its references."""
 
 from __future__ import annotations
 
+import json
+import math
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from importlib import import_module
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from winding_verification.solver.references import Values, references
+from cable_fem_node.dynamics.state import FloatArray
+
+Values = dict[str, float | list[float]]
+
+
+@cache
+def references() -> dict[str, dict[str, Any]]:
+    """Return the references by problem: title, source, what computes it, quantities, its data."""
+    text = files("winding_verification").joinpath("data", "verification.json").read_text("utf-8")
+    data: dict[str, dict[str, Any]] = json.loads(text)
+    return data
+
+
+def given(problem: str, name: str) -> FloatArray:
+    """Return an array that a problem is given."""
+    return np.asarray(references()[problem]["given"][name], dtype=float)
+
+
+def rotation_about(axis: Sequence[float], angle: float) -> FloatArray:
+    """Return the matrix (3, 3) that turns by an angle [rad] about an axis of any length."""
+    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turn = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
+    return np.asarray(turn)
+
+
+def rotations() -> Iterator[FloatArray]:
+    """Yield rotation matrices (3, 3) about a skew axis, from a degree to two turns."""
+    for degrees in (1.0, 10.0, 90.0, 180.0, 360.0, 720.0):
+        yield rotation_about([1.0, 2.0, 3.0], math.radians(degrees))
+
+
+def wave_record(times: NDArray[np.floating[Any]], way: Sequence[float]) -> Values:
+    """Return the greatest way [m] of a tip, when it is there [s], and the way at whole times."""
+    top = int(np.argmax(way))
+    per_ms = round(1.0e-3 / float(times[0]))
+    values: Values = {"peak": way[top], "t_peak": times[top]}
+    for ms in (2, 3, 4, 6, 8, 10, 12):
+        values[f"u_{ms}ms"] = way[per_ms * ms - 1]
+    return values
+
 
 # Where each problem is computed, as the table has it: module of this folder and function.
 PROBLEMS: dict[str, str] = {name: data["computed_by"] for name, data in references().items()}

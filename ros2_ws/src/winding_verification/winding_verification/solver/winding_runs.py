@@ -12,7 +12,7 @@ from winding_core.cable.cases import Case, paper_case
 from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
 from winding_core.machine.drive import DriveProfile
 from winding_core.units import MILLIMETRE
-from winding_verification.solver.references import Values
+from winding_verification.solver.suite import Values
 
 
 def helix() -> Values:

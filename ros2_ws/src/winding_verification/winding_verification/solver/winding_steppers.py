@@ -21,7 +21,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
 from winding_core.cable.cases import Case, Material
 from winding_core.machine.readings import AxisReading
-from winding_verification.solver.references import Values
+from winding_verification.solver.suite import Values
 
 # Rounds of Gauss and Newton; five would do.
 ROUNDS = 12

@@ -17,8 +17,7 @@ from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerFlag
-from winding_verification.tracker.scenes import World
-from winding_verification.tracker.wrong_numbers import RIGHT, WrongNumber, every_number
+from winding_verification.tracker.scenes import RIGHT, World, WrongNumber, every_number
 
 ByteArray = NDArray[np.uint8]
 
@@ -61,15 +60,15 @@ class Outcome:
         if self.right:
             return "named"
         if self.named:
-            return "innocent"
+            return "misnamed"
         return "harmless" if self.corrected else ("silent" if self.healthy else "unhealthy")
 
     def __str__(self) -> str:
         wrong = f"{self.wrong.number} {self.wrong.size:+.4g}" if self.wrong.number else "right"
-        said = "".join(f"\n    {text}" for text in self.sentences)
+        texts = "".join(f"\n    {text}" for text in self.sentences)
         return (
             f"{self.seed} {wrong}: {self.kind}, {', '.join(self.named) or '-'}, "
-            f"known {self.known}, worst {self.far:.1f} sigma, refused {self.refused}{said}"
+            f"known {self.known}, worst {self.far:.1f} sigma, refused {self.refused}{texts}"
         )
 
 
@@ -84,15 +83,7 @@ def outcome(world: World, frames: list[ByteArray], seed: int, wrong: WrongNumber
         stamp = wrong.stamp(true)
         for t in sampled:
             angle, guide = wrong.reading(world.encoder(t)), wrong.guide(world.position(t)[1])
-            live.add_reading(
-                t,
-                AxisReading(
-                    cylinder_angle=angle,
-                    angular_speed=math.nan,
-                    carriage_position=guide,
-                    feed_speed=math.nan,
-                ),
-            )
+            live.add_reading(t, AxisReading.of_positions(angle, guide))
             if t > stamp + 0.3:
                 break
         live.add_frame(stamp, frame)

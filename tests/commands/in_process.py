@@ -1,0 +1,32 @@
+"""The `winding` command in this process, and what it writes held against its schema."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jsonschema import Draft202012Validator
+from typer.testing import CliRunner, Result
+
+from winding_cli.app import app
+
+
+def winding(folder: Path, *words: object) -> Result:
+    """Run a command in a folder."""
+    with contextlib.chdir(folder):
+        return CliRunner().invoke(app, [*map(str, words)])
+
+
+def schema(name: str, package: str = "winding_cli") -> Draft202012Validator:
+    text = (files(package) / "schemas" / f"{name}.json").read_text(encoding="utf-8")
+    return Draft202012Validator(json.loads(text))
+
+
+def keeps_schema(name: str, text: str | bytes) -> Any:
+    """Return the content of JSON that keeps its schema."""
+    content = json.loads(text)
+    assert [error.message for error in schema(name).iter_errors(content)] == []
+    return content
