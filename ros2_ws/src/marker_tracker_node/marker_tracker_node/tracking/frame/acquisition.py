@@ -248,7 +248,7 @@ def confirm_candidates(
             # Wound angles count from P0, wherever camera and encoder think that it is.
             shift -= candidates.theta[c]
             candidates.theta[c] = 0.0
-        marks.known[number], marks.found[number] = True, candidates.start[c]
+        marks.known[number], marks.found[number] = True, candidates.last[c]
         marks.theta[number] = candidates.theta[c]
         marks.height[number] = candidates.height[c]
         # One that was covered in part is whole later on.
