@@ -153,11 +153,17 @@ class MovingBand:
     samples: list[ByteArray] = field(default_factory=list)  # Pixels of it, blue-green-red
 
     @property
+    def moving(self) -> bool:
+        """Whether it has moved with the cylinder so far."""
+        return self.sightings > 1 and abs(self.last - self.first) > SAME_ANGLE
+
+    @property
     def proven(self) -> bool:
         """Whether it moves with the cylinder."""
         moved = abs(self.last - self.first)
-        # Markers, which are expected, need one sighting less.
-        return self.sightings > PROOF_HITS and moved >= PROOF_ADVANCE
+        # Markers, which are expected, need one sighting less; few frames a turn show fewer.
+        more = moved >= PROOF_HITS * SAME_ANGLE
+        return self.sightings > PROOF_HITS - more and moved >= PROOF_ADVANCE
 
 
 class BandSearch:
@@ -185,21 +191,18 @@ class BandSearch:
             self._begun = angle
         for azimuth, z, samples in bands_of_hue(frame, self._config, setup):
             self._take(angle, azimuth, z, samples)
-        proven = [band for band in self._passing if band.proven]
-        if not proven:
+        moving = [band for band in self._passing if band.moving]
+        if not moving:
             return None
-        lowest = min(proven, key=lambda band: band.z)
-        if abs(lowest.z) < self._surely or abs(angle - self._begun) > math.tau:
-            return lowest
-        return None
+        # One that is not proven yet may be P0 as well.
+        lowest = min(moving, key=lambda band: band.z)
+        known = abs(lowest.z) < self._surely or abs(angle - self._begun) > math.tau
+        return lowest if known and lowest.proven else None
 
     @property
     def moving(self) -> bool:
         """Whether something of the marker's hue has moved with the cylinder so far."""
-        return any(
-            band.sightings > 1 and abs(band.last - band.first) > SAME_ANGLE
-            for band in self._passing
-        )
+        return any(band.moving for band in self._passing)
 
     def _take(self, angle: float, azimuth: float, z: float, samples: ByteArray) -> None:
         offset = math.remainder(azimuth - angle, math.tau)

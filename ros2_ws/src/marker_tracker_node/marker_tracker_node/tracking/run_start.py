@@ -30,6 +30,7 @@ class RunStart:
     Attributes:
         colour: Of the markers; None until it is learnt.
         origin: What the encoder reads where the wound angle is zero [rad].
+        height: Where P0 passes [m], as far as that is known.
         refusal: Why nothing can be followed; empty when something can.
         zero: The camera's turn.
         done: Whether there is nothing left to find out.
@@ -42,7 +43,7 @@ class RunStart:
     ) -> None:
         """Start with a nominal camera pose, and the markers' colour; None to learn it from P0."""
         self.colour = colour
-        self.origin = 0.0
+        self.origin = self.height = 0.0
         self.refusal = "" if colour is not None else "no frame with P0 yet"
         self._remarks: list[str] = []
         self.zero = CameraZero(config, camera)
@@ -174,6 +175,7 @@ class RunStart:
                 self.refusal, self._followed, self.proven = str(refusal), False, False
                 return False
             self.refusal = ""
+        self.height = band.z
         # The acquisition of markers finds P0 itself there.
         if abs(off) < P0_REACH:
             return False
