@@ -10,7 +10,7 @@ import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray
 from marker_tracker_node.camera.pinhole import plane_of_pixel
-from marker_tracker_node.detection.band import Band, solve_band
+from marker_tracker_node.detection.band import Band, band_centroid, section_at, solve_band
 from marker_tracker_node.detection.colour import (
     ColourModel,
     ColourRefusedError,
@@ -151,6 +151,8 @@ class MovingBand:
     last: float  # The same when it was seen last [rad]
     sightings: int = 1  # How often it was seen
     samples: list[ByteArray] = field(default_factory=list)  # Pixels of it, blue-green-red
+    # Encoder angle, azimuth [rad] and z [m] of its sightings.
+    path: list[tuple[float, float, float]] = field(default_factory=list)
 
     @property
     def moving(self) -> bool:
@@ -164,6 +166,30 @@ class MovingBand:
         # Markers, which are expected, need one sighting less; few frames a turn show fewer.
         more = moved >= PROOF_HITS * SAME_ANGLE
         return self.sightings > PROOF_HITS - more and moved >= PROOF_ADVANCE
+
+
+    def height(self, setup: Setup, origin: float) -> tuple[float, float]:
+        """Return which height of the camera explains its place [m], and how much better.
+
+        That is the scatter of its place on the cylinder as the camera is configured, over that as
+        seen from elsewhere; the encoder reads `origin` [rad] where P0 lands. Seen from another
+        height it seems to move at another speed, and with another zero it does not.
+        """
+        view, body = setup.camera, setup.body
+        seen = [Band(azimuth, z, 0.0) for _, azimuth, z in self.path]
+        true = [Band(math.remainder(angle - origin, math.tau), 0.0, 0.0) for angle, *_ in self.path]
+        away = [
+            section_at(body.rho, a.azimuth, 0.0).y - section_at(body.rho, b.azimuth, 0.0).y
+            for a, b in zip(seen, true, strict=True)
+        ]
+        height = float(np.mean(away))
+        moved = view._replace(y=view.y - height)
+        places = [
+            solve_band(moved, body, *band_centroid(view, body, a)[:2], b)[0] - b.azimuth
+            for a, b in zip(seen, true, strict=True)
+        ]
+        as_zero = [a.azimuth - b.azimuth for a, b in zip(seen, true, strict=True)]
+        return height, float(np.std(np.unwrap(as_zero)) / np.std(places))
 
 
 class BandSearch:
@@ -214,12 +240,13 @@ class BandSearch:
                 band.offset = math.remainder(band.offset + share * off, math.tau)
                 band.z += share * (z - band.z)
                 band.last = angle
+                band.path.append((angle, azimuth, z))
                 band.samples = [*band.samples[-3:], samples]
                 return
         recent = sorted(self._passing, key=lambda band: band.sightings)[-15:]
-        self._passing = [
-            *recent, MovingBand(offset=offset, z=z, first=angle, last=angle, samples=[samples])
-        ]  # fmt: skip
+        new = MovingBand(offset=offset, z=z, first=angle, last=angle, samples=[samples])
+        new.path.append((angle, azimuth, z))
+        self._passing = [*recent, new]
 
 
 def bands_of_hue(
