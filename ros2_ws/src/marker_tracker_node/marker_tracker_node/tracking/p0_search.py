@@ -167,7 +167,6 @@ class MovingBand:
         more = moved >= PROOF_HITS * SAME_ANGLE
         return self.sightings > PROOF_HITS - more and moved >= PROOF_ADVANCE
 
-
     def height(self, setup: Setup, origin: float) -> tuple[float, float]:
         """Return which height of the camera explains its place [m], and how much better.
 

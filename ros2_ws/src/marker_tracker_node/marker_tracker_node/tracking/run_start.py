@@ -204,7 +204,5 @@ class RunStart:
         self.origin = -band.offset - math.tau * turns
         self._remark = f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
         if height:
-            self._remark += (
-                f", unless {wrong}: set start_angle, or camera_tilt and camera_position"
-            )
+            self._remark += f", unless {wrong}: set start_angle, or camera_tilt and camera_position"
         return True
