@@ -175,20 +175,19 @@ class MovingBand:
         height it seems to move at another speed, and with another zero it does not.
         """
         view, body = setup.camera, setup.body
-        seen = [Band(azimuth, z, 0.0) for _, azimuth, z in self.path]
-        true = [Band(math.remainder(angle - origin, math.tau), 0.0, 0.0) for angle, *_ in self.path]
-        away = [
-            section_at(body.rho, a.azimuth, 0.0).y - section_at(body.rho, b.azimuth, 0.0).y
-            for a, b in zip(seen, true, strict=True)
+        path = [
+            (Band(azimuth, z, 0.0), Band(math.remainder(angle - origin, math.tau), 0.0, 0.0))
+            for angle, azimuth, z in self.path
         ]
-        height = float(np.mean(away))
+        rise = [[section_at(body.rho, band.azimuth, 0.0).y for band in pair] for pair in path]
+        height = -float(np.diff(rise).mean())
         moved = view._replace(y=view.y - height)
-        places = [
-            solve_band(moved, body, *band_centroid(view, body, a)[:2], b)[0] - b.azimuth
-            for a, b in zip(seen, true, strict=True)
+        as_zero = np.unwrap([seen.azimuth - true.azimuth for seen, true in path])
+        as_height = [
+            solve_band(moved, body, *band_centroid(view, body, seen)[:2], true)[0] - true.azimuth
+            for seen, true in path
         ]
-        as_zero = [a.azimuth - b.azimuth for a, b in zip(seen, true, strict=True)]
-        return height, float(np.std(np.unwrap(as_zero)) / np.std(places))
+        return height, float(np.std(as_zero) / np.std(as_height))
 
 
 class BandSearch:
