@@ -139,6 +139,22 @@ def test_markers_after_one_that_lies_on_p0s_turn_keep_their_numbers():
     assert known[1] or 1 in tracker.report().missing
 
 
+@pytest.mark.parametrize("number", [2, 10])
+def test_what_passes_a_turn_later_is_not_a_marker_that_landed_on_p0(number):
+    # 12 mm behind P1 merges with P0, and P2 lies where P1 would without an offset.
+    film = film_of(paper_case(number), STEADY - 12.0e-3, 300 + number)
+    tracker = film.tracker(expected_stretch=1.0)
+    for t, angle in timed(film):
+        at = float(np.interp(angle, GRID, STEADY - 12.0e-3))
+        tracker.track(film.frame_at(angle, at), t, angle, at)
+    known = tracker.state.marks.known
+    # A turn is 6.28 rad: what is off by less has its own number.
+    off = (tracker.estimates()["theta"] - film.theta)[known]
+    assert np.abs(off).max() < 0.02
+    assert 1 in tracker.report().missing
+    assert not tracker.report().healthy
+
+
 @pytest.mark.parametrize("size", [SIZES[1], SIZES[3]])
 def test_a_guide_that_stands_behind_is_no_misplaced_camera(size):
     assert wound(size, STEADY - 25.0e-3, 10)[1].report().colour_refusal == ""

@@ -129,6 +129,37 @@ def test_a_run_may_begin_anywhere(paper_film, number, start, offset):
     assert bool(tracker.report().remarks) == (offset != 0.0)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("number", "along", "rate"),
+    [(3, 3.0, RATE), (5, 3.0, RATE), (9, -3.0, RATE), (3, 0.0, 10.0), (5, 0.0, 10.0)],
+)
+def test_p0_is_found_beside_its_place_and_in_few_frames(smooth_film, number, along, rate):
+    film = smooth_film(number)
+    x, y, z = film.camera.position
+    beside = film.tracker(pose=CameraPose(position=(x, y, z + along * MILLIMETRE)))
+    tracker, *_ = film.followed(rate, beside, start=3.4, stop=15.0)
+    estimates = tracker.estimates()["theta"]
+    known = np.isfinite(estimates)
+    assert known.all()
+    assert np.abs(estimates - film.theta).max() < TOLERANCE
+
+
+@pytest.mark.parametrize(("number", "offset"), [(9, 0.66), (4, -0.6)])
+def test_the_path_of_p0_tells_a_zero_of_the_encoder_from_a_height(paper_film, number, offset):
+    film = paper_film(number)
+    read = lambda t, angle: angle + offset  # noqa: E731
+    zero = film.followed(RATE, read=read, stop=1.5)[0]
+    assert zero.origin == pytest.approx(offset, abs=0.02)
+    x, y, z = film.camera.position
+    high = film.tracker(pose=CameraPose(position=(x, y + 20.0 * MILLIMETRE, z)))
+    tracker, *_ = film.followed(RATE, high, stop=8.0)
+    assert tracker.origin == 0.0
+    assert tracker.report().known == 0
+    said = " ".join((*tracker.report().remarks, tracker.report().colour_refusal))
+    assert "height" in said
+
+
 def test_why_a_late_recording_waits_is_reported(paper_film):
     film = paper_film(4)
     tracker, *_ = film.followed(RATE, start=2.2, stop=2.5)

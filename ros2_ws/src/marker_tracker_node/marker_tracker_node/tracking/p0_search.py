@@ -10,7 +10,7 @@ import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray
 from marker_tracker_node.camera.pinhole import plane_of_pixel
-from marker_tracker_node.detection.band import Band, solve_band
+from marker_tracker_node.detection.band import Band, band_centroid, section_at, solve_band
 from marker_tracker_node.detection.colour import (
     ColourModel,
     ColourRefusedError,
@@ -151,13 +151,43 @@ class MovingBand:
     last: float  # The same when it was seen last [rad]
     sightings: int = 1  # How often it was seen
     samples: list[ByteArray] = field(default_factory=list)  # Pixels of it, blue-green-red
+    # Encoder angle, azimuth [rad] and z [m] of its sightings.
+    path: list[tuple[float, float, float]] = field(default_factory=list)
+
+    @property
+    def moving(self) -> bool:
+        """Whether it has moved with the cylinder so far."""
+        return self.sightings > 1 and abs(self.last - self.first) > SAME_ANGLE
 
     @property
     def proven(self) -> bool:
         """Whether it moves with the cylinder."""
         moved = abs(self.last - self.first)
-        # Markers, which are expected, need one sighting less.
-        return self.sightings > PROOF_HITS and moved >= PROOF_ADVANCE
+        # Markers, which are expected, need one sighting less; few frames a turn show fewer.
+        more = moved >= PROOF_HITS * SAME_ANGLE
+        return self.sightings > PROOF_HITS - more and moved >= PROOF_ADVANCE
+
+    def height(self, setup: Setup, origin: float) -> tuple[float, float]:
+        """Return which height of the camera explains its place [m], and how much better.
+
+        That is the scatter of its place on the cylinder as the camera is configured, over that as
+        seen from elsewhere; the encoder reads `origin` [rad] where P0 lands. Seen from another
+        height it seems to move at another speed, and with another zero it does not.
+        """
+        view, body = setup.camera, setup.body
+        path = [
+            (Band(azimuth, z, 0.0), Band(math.remainder(angle - origin, math.tau), 0.0, 0.0))
+            for angle, azimuth, z in self.path
+        ]
+        rise = [[section_at(body.rho, band.azimuth, 0.0).y for band in pair] for pair in path]
+        height = -float(np.diff(rise).mean())
+        moved = view._replace(y=view.y - height)
+        as_zero = np.unwrap([seen.azimuth - true.azimuth for seen, true in path])
+        as_height = [
+            solve_band(moved, body, *band_centroid(view, body, seen)[:2], true)[0] - true.azimuth
+            for seen, true in path
+        ]
+        return height, float(np.std(as_zero) / np.std(as_height))
 
 
 class BandSearch:
@@ -185,21 +215,18 @@ class BandSearch:
             self._begun = angle
         for azimuth, z, samples in bands_of_hue(frame, self._config, setup):
             self._take(angle, azimuth, z, samples)
-        proven = [band for band in self._passing if band.proven]
-        if not proven:
+        moving = [band for band in self._passing if band.moving]
+        if not moving:
             return None
-        lowest = min(proven, key=lambda band: band.z)
-        if abs(lowest.z) < self._surely or abs(angle - self._begun) > math.tau:
-            return lowest
-        return None
+        # One that is not proven yet may be P0 as well.
+        lowest = min(moving, key=lambda band: band.z)
+        known = abs(lowest.z) < self._surely or abs(angle - self._begun) > math.tau
+        return lowest if known and lowest.proven else None
 
     @property
     def moving(self) -> bool:
         """Whether something of the marker's hue has moved with the cylinder so far."""
-        return any(
-            band.sightings > 1 and abs(band.last - band.first) > SAME_ANGLE
-            for band in self._passing
-        )
+        return any(band.moving for band in self._passing)
 
     def _take(self, angle: float, azimuth: float, z: float, samples: ByteArray) -> None:
         offset = math.remainder(azimuth - angle, math.tau)
@@ -211,12 +238,13 @@ class BandSearch:
                 band.offset = math.remainder(band.offset + share * off, math.tau)
                 band.z += share * (z - band.z)
                 band.last = angle
+                band.path.append((angle, azimuth, z))
                 band.samples = [*band.samples[-3:], samples]
                 return
         recent = sorted(self._passing, key=lambda band: band.sightings)[-15:]
-        self._passing = [
-            *recent, MovingBand(offset=offset, z=z, first=angle, last=angle, samples=[samples])
-        ]  # fmt: skip
+        new = MovingBand(offset=offset, z=z, first=angle, last=angle, samples=[samples])
+        new.path.append((angle, azimuth, z))
+        self._passing = [*recent, new]
 
 
 def bands_of_hue(

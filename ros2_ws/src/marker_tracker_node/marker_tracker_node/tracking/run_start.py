@@ -30,6 +30,7 @@ class RunStart:
     Attributes:
         colour: Of the markers; None until it is learnt.
         origin: What the encoder reads where the wound angle is zero [rad].
+        height: Where P0 passes [m], as far as that is known.
         refusal: Why nothing can be followed; empty when something can.
         zero: The camera's turn.
         done: Whether there is nothing left to find out.
@@ -42,9 +43,9 @@ class RunStart:
     ) -> None:
         """Start with a nominal camera pose, and the markers' colour; None to learn it from P0."""
         self.colour = colour
-        self.origin = 0.0
+        self.origin = self.height = 0.0
         self.refusal = "" if colour is not None else "no frame with P0 yet"
-        self._remarks: list[str] = []
+        self._remark = ""
         self.zero = CameraZero(config, camera)
         self.done = self.posed = False
         self._config = config
@@ -109,7 +110,7 @@ class RunStart:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was found out against expectation."""
-        return tuple(filter(None, (*self._remarks, self.zero.remark)))
+        return tuple(filter(None, (self._remark, self.zero.remark)))
 
     def _sample(self, frame: ByteArray, setup: Setup, angle: float) -> None:
         """Learn the colour from P0 where the encoder places it."""
@@ -139,7 +140,7 @@ class RunStart:
         found = self._search.add(frame, setup, angle)
         if found is not None:
             self._followed = self.proven = True
-            return self._found(found, frame, angle, guide)
+            return self._found(found, frame, setup, angle, guide)
         if self.colour is None or not self._search.moving or self._doubts.leaps(angle):
             doubt = self._doubts.add(frame, setup, angle)
             if doubt:
@@ -154,7 +155,9 @@ class RunStart:
         doubt = self._misplaced.add(
             frame, setup, angle, guide, followed=followed, colour=self.colour
         )
-        return bool(doubt) and self._withdraw(doubt)
+        # What moves where P0 passes may prove itself yet.
+        waits = self._search.moving and not self.proven
+        return bool(doubt) and not waits and self._withdraw(doubt)
 
     def _withdraw(self, doubt: str) -> bool:
         """Follow nothing any more, and look for nothing."""
@@ -162,9 +165,23 @@ class RunStart:
         self.colour, self.refusal = None, doubt
         return True
 
-    def _found(self, band: MovingBand, frame: ByteArray, angle: float, guide: float) -> bool:
+    def _found(
+        self, band: MovingBand, frame: ByteArray, setup: Setup, angle: float, guide: float
+    ) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""
         off = math.remainder(band.offset + self.origin, math.tau)
+        height, explains = 0.0, 0.0
+        if P0_REACH <= abs(off) <= 0.5 * math.pi:
+            height, explains = band.height(setup, self.origin)
+        wrong = f"the camera's height is wrong by {height / MILLIMETRE:+.0f} mm"
+        if explains > 1.0:
+            # Nothing can be measured then, but what is seen later may decide otherwise.
+            self._remark = (
+                f"the encoder reads {self.origin - off:.3f} rad where P0 lands, or {wrong}, which "
+                "explains P0's path better: set camera_tilt or camera_position, or start_angle"
+            )
+            self._followed, self.proven, self._misplaced.done = False, False, True
+            return False
         known = self.colour is not None
         if not known:
             samples = np.concatenate(band.samples)
@@ -174,6 +191,7 @@ class RunStart:
                 self.refusal, self._followed, self.proven = str(refusal), False, False
                 return False
             self.refusal = ""
+        self.height = band.z
         # The acquisition of markers finds P0 itself there.
         if abs(off) < P0_REACH:
             return False
@@ -184,18 +202,7 @@ class RunStart:
         if math.isfinite(guide) and advance > 0.0:
             turns = max(round((guide / advance - place) / math.tau), math.ceil(-place / math.tau))
         self.origin = -band.offset - math.tau * turns
-        self._remarks.append(
-            f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
-            + self._or_height(off)
-        )
+        self._remark = f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
+        if height:
+            self._remark += f", unless {wrong}: set start_angle, or camera_tilt and camera_position"
         return True
-
-    def _or_height(self, off: float) -> str:
-        """Return the camera's height as what may be wrong if P0 lies so far off [rad], in words."""
-        height = self._config.body.rho * math.sin(off)
-        if abs(off) > 0.5 * math.pi:
-            return ""
-        return (
-            f", unless the camera's height is wrong by {height / MILLIMETRE:+.0f} mm: set "
-            "start_angle, or camera_tilt and camera_position"
-        )

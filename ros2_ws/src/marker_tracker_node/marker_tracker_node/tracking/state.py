@@ -104,6 +104,7 @@ class Marks:
     """What is known of each marker, arrays of shape (markers,)."""
 
     known: FlagArray  # Whether the marker was found
+    found: FloatArray  # Cylinder angle as it became known [rad]
     theta: FloatArray  # Run mean of the wound angle [rad]
     height: FloatArray  # Run mean of z as seen [m]
     weight: FloatArray  # Of these means, in frames

@@ -192,13 +192,18 @@ def _beside_path(scan: Scan, theta: float, z: float) -> float:  # pragma: no cov
 def _remember(
     scan: Scan, theta: float, z: float, share: float, colour: int, identity: int
 ) -> None:  # pragma: no cover
-    """Add a sighting to the candidate of its place, or in place of the one seen longest ago."""
-    candidates, turned, place = scan.candidates, scan.turned, 0
+    """Add a sighting to the candidate of its place, or in place of the one seen longest ago.
+
+    Beside P0 alone nothing is new that would have been seen to land: it is another marker, whose
+    turn lies as far off as the guide stands behind.
+    """
+    candidates, turned, place, marks = scan.candidates, scan.turned, 0, scan.cable.marks
+    late = first_sought(marks) and marks.found[0] < theta < turned - math.pi
     for c in range(CANDIDATES):
         other = candidates.identity[c]
         same = candidates.hits[c] > 0 and candidates.colour[c] == colour
         same = same and (identity in (NO_IDENTITY, other) or other == NO_IDENTITY)
-        if candidates.hits[c] == 0 or (
+        if (candidates.hits[c] == 0 and not late) or (
             same and abs(candidates.first[c] - theta) < scan.setup.slip_limit
         ):
             place = c
@@ -206,6 +211,8 @@ def _remember(
         if candidates.last[c] < candidates.last[place]:
             place = c
     else:
+        if late:
+            return
         candidates.hits[place] = 0
     if candidates.hits[place] == 0:
         candidates.colour[place], candidates.identity[place] = colour, NO_IDENTITY
@@ -241,7 +248,7 @@ def confirm_candidates(
             # Wound angles count from P0, wherever camera and encoder think that it is.
             shift -= candidates.theta[c]
             candidates.theta[c] = 0.0
-        marks.known[number] = True
+        marks.known[number], marks.found[number] = True, candidates.last[c]
         marks.theta[number] = candidates.theta[c]
         marks.height[number] = candidates.height[c]
         # One that was covered in part is whole later on.

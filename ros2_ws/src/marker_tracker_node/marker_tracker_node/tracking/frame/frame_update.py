@@ -9,6 +9,7 @@ from marker_tracker_node.detection.band import band_of, moved_band
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
+    CLIPPED,
     FIRST_COLOUR,
     HIDDEN,
     NO_IDENTITY,
@@ -18,6 +19,7 @@ from marker_tracker_node.detection.gate import (
     Gates,
     Picture,
     empty_gates,
+    gate_visibility,
     seeking,
     several_colours,
 )
@@ -32,6 +34,7 @@ from marker_tracker_node.tracking.frame.expected_bands import (
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
     JUMP_THETA,
+    gate_margin,
     predict_gate,
     separate_gates,
     shutter_of,
@@ -58,6 +61,8 @@ from winding_core.compiling import called, compiled
 
 # A gate that is off by more of its room along the cable may cut the band.
 REAIM = 0.4
+# Each look shows more of a band that was cut; one that is still elsewhere then is none.
+LOOKS = 3
 
 
 @compiled
@@ -170,8 +175,9 @@ def _seen_beside(scan: Scan, out: Output, k: int) -> bool:  # pragma: no cover
         if expected.outcome[n] != OUT_OF_SIGHT:
             separate_gates(scan.gates, n, 0)
     found = _measure(scan, 0, out, k)
+    # It is nan where nothing was measured.
     beside = abs(out.seen_height[k, 0] - marks.height[0])
-    if found == HIDDEN or beside > 0.5 * scan.setup.body.cable_radius:
+    if not beside <= 0.5 * scan.setup.body.cable_radius:
         out.azimuth[k, 0] = out.seen_height[k, 0] = math.nan
         return False
     expected.outcome[0] = found
@@ -187,7 +193,7 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
     if several_colours(picture):
         picture = seeking(picture, picture.colour_of[n])
     azimuth, z, found = math.nan, math.nan, NOTHING
-    for attempt in range(2):
+    for _ in range(LOOKS):
         found = measure_mark(
             setup.detector, picture, setup.camera, setup.body, gates, n, place, pixels, area[n],
             WHOLE_AREA,
@@ -195,15 +201,18 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
         if found.outcome == HIDDEN or found.identity not in (NO_IDENTITY, n):
             return HIDDEN
         azimuth, z = found.azimuth, found.z
-        off = abs(azimuth - band.azimuth) * setup.body.rho
-        if attempt == 1 or off <= REAIM * setup.along_margin:
+        if abs(azimuth - place.azimuth) * setup.body.rho <= REAIM * setup.along_margin:
             break
-        # Far from where it was expected the gate may have cut the band: look again.
+        # Far from where it was expected the gate, or the picture, may have cut the band.
         place = moved_band(band, azimuth, z)
         ahead, behind = gates.ahead[n], gates.behind[n]
         pixels = predict_gate(setup, place, gates, n)
+        if gate_visibility(gates, n, gate_margin(setup), picture) != HIDDEN:
+            return CLIPPED
         gates.ahead[n] = min(gates.ahead[n], ahead)
         gates.behind[n] = min(gates.behind[n], behind)
+    else:
+        return HIDDEN
     if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > SAME_HEIGHT:
         return HIDDEN
     area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES

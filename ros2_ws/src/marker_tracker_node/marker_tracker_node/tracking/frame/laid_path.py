@@ -117,7 +117,8 @@ def corrected_height(cable: LaidCable, theta: float) -> tuple[float, float]:  # 
     marks = cable.marks
     below, above = known_around(marks, theta)
     if below < 0 and above < 0:
-        return height, slope
+        # P0 is not known yet, but where it passes may be.
+        return height + marks.height[0], slope
     if below < 0:
         below = above
     first = marks.height[below] - path_height(cable, marks.theta[below])[0]
