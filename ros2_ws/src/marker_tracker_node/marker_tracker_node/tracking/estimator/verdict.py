@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -56,22 +57,23 @@ class Verdict:
 
     Attributes:
         wrong: None, one or two; each with what explains it as well.
+        fits: With every number as configured, and with each of those in its place.
     """
 
-    usual: Fit  # With every number as configured
     wrong: tuple[tuple[Explanation, ...], ...]
+    fits: tuple[Fit, ...]
     explained: bool = True  # Whether what is wrong explains the sightings
 
     @property
     def released(self) -> tuple[Explanation, ...]:
-        """What explains the sightings best with a prior released, and as well; empty for none."""
+        """Numbers beyond their doubt that explain the sightings best; empty for none."""
         beyond = [group for group in self.wrong if not group[0].doubted]
         return beyond[-1] if beyond else ()
 
     @property
     def best(self) -> Fit:
         """What explains the sightings best."""
-        return self.released[0].fit if self.released and self.explained else self.usual
+        return min(self.fits, key=lambda fit: fit.cost)
 
 
 def judged(problem: Problem) -> Verdict:
@@ -91,11 +93,22 @@ def judged(problem: Problem) -> Verdict:
         # What takes up the difference between two explanations of the first is no other number.
         named = {one.number for one in first}
         wrong += tuple(group for group in beside if not named & {one.number for one in group})
-    verdict = Verdict(usual=usual, wrong=wrong)
+    verdict = Verdict(wrong=wrong, fits=(usual, *_released(problem, wrong)))
     if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
-        return Verdict(usual=usual, wrong=(far,) if far else (), explained=False)
+        return Verdict(wrong=(far,) if far else (), fits=(usual,), explained=False)
     return verdict
+
+
+def _released(problem: Problem, wrong: tuple[tuple[Explanation, ...], ...]) -> Iterator[Fit]:
+    """Yield fits with what is wrong released, each number of a group in its place."""
+    best = [group[0].number for group in wrong]
+    for place, group in enumerate(wrong):
+        for one in group:
+            chosen = [*best[:place], one.number, *best[place + 1 :]]
+            prior = problem.prior.copy()
+            prior[chosen] = [NUMBERS[number].most ** -2 for number in chosen]
+            yield fitted(problem, prior, problem.centred(one.fit.x))
 
 
 def _within_doubt(
@@ -123,21 +136,21 @@ def _within_doubt(
         away = errors(numbers) - x
         return float(away @ data @ away - 2.0 * pull @ away) - least
 
-    exact, chosen = cost(named), list(named)
-    best = exact
-    while best > _LEFT_ALONE * exact and len(chosen) < 2:
+    found, chosen = list(named), list(named)
+    left = now = cost(named)
+    while len(chosen) < 2:
         others = [k for k in range(COUNT) if k not in chosen]
         chosen.append(min(others, key=lambda k: cost([*chosen, k])))
-        if best - cost(chosen) < least_gain:
-            return ()
-        best = cost(chosen)
-    if best > _LEFT_ALONE * exact:
-        return ()
+        before, now = now, cost(chosen)
+        if before - now < least_gain:
+            break
+        if now <= _LEFT_ALONE * left:
+            found, left = list(chosen), now
     groups = []
-    for number in chosen[len(named) :]:
-        beside = [k for k in chosen if k != number]
+    for number in found[len(named) :]:
+        beside = [k for k in found if k != number]
         costs = {k: cost([*beside, k]) for k in range(COUNT) if k not in beside}
-        order = sorted((k for k in costs if costs[k] < best + _AS_WELL), key=lambda k: costs[k])
+        order = sorted((k for k in costs if costs[k] < left + _AS_WELL), key=lambda k: costs[k])
         # Wound angles are counted from P0 itself, and the clock is judged by its own offset.
         if not set(order) <= {ZERO, CLOCK}:
             sizes = {k: float(errors([*beside, k])[k]) for k in order}
