@@ -22,7 +22,7 @@ _SIGNIFICANT = 2.5
 # Sightings that are neighbours err together: differences of cost are 2 to 3 times too large.
 DEPENDENT = 2.5
 # What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
-_AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
+AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
 # Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
 EXPLAINED = 6.5
 # What gains less than this share of the best is not tried, and not named beside it: a large error
@@ -30,7 +30,7 @@ EXPLAINED = 6.5
 _LEAST_SHARE = 0.1
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
-_LEAST_ALONE, _LEFT_ALONE = 30.0, 0.3
+LEAST_ALONE, LEFT_ALONE = 30.0, 0.3
 
 
 class Explanation(NamedTuple):
@@ -83,12 +83,12 @@ def judged(problem: Problem) -> Verdict:
     wrong: tuple[tuple[Explanation, ...], ...] = (first,) if first else ()
     if first:
         # One number that explains as well as two is the one.
-        second = _explanations(problem, first[0].fit, _AS_WELL)
+        second = _explanations(problem, first[0].fit, AS_WELL)
         wrong = (first, second) if second else wrong
     # One number is named, or two.
     if len(wrong) < 2 and problem.markers.size > 1:
         fit = first[0].fit if first else usual
-        least = max(_LEAST_ALONE, _LEAST_SHARE * (usual.cost - fit.cost))
+        least = max(LEAST_ALONE, _LEAST_SHARE * (usual.cost - fit.cost))
         beside = _within_doubt(fit, [one[0].number for one in wrong], least)
         # What takes up the difference between two explanations of the first is no other number.
         named = {one.number for one in first}
@@ -144,13 +144,13 @@ def _within_doubt(
         before, now = now, cost(chosen)
         if before - now < least_gain:
             break
-        if now <= _LEFT_ALONE * left:
+        if now <= LEFT_ALONE * left:
             found, left = list(chosen), now
     groups = []
     for number in found[len(named) :]:
         beside = [k for k in found if k != number]
         costs = {k: cost([*beside, k]) for k in range(COUNT) if k not in beside}
-        order = sorted((k for k in costs if costs[k] < left + _AS_WELL), key=lambda k: costs[k])
+        order = sorted((k for k in costs if costs[k] < left + AS_WELL), key=lambda k: costs[k])
         # Wound angles are counted from P0 itself, and the clock is judged by its own offset.
         if not set(order) <= {ZERO, CLOCK}:
             sizes = {k: float(errors([*beside, k])[k]) for k in order}
@@ -199,5 +199,5 @@ def _explanations(problem: Problem, usual: Fit, least: float) -> tuple[Explanati
     found.sort(key=lambda one: one.fit.cost)
     if not found or usual.cost - found[0].fit.cost < least:
         return ()
-    most = max(_AS_WELL, _AS_WELL_SHARE * (usual.cost - found[0].fit.cost))
+    most = max(AS_WELL, _AS_WELL_SHARE * (usual.cost - found[0].fit.cost))
     return tuple(one for one in found if one.left and one.fit.cost < found[0].fit.cost + most)
