@@ -11,7 +11,7 @@ from marker_tracker_node.tracking.estimator.carried import carried_correction, d
 from marker_tracker_node.tracking.estimator.fit import SURE, fitted
 from marker_tracker_node.tracking.estimator.numbers import COUNT, FOCAL, SCALE, TILT, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
-from marker_tracker_node.tracking.estimator.verdict import DEPENDENT, EXPLAINED, Verdict
+from marker_tracker_node.tracking.estimator.verdict import AS_WELL, DEPENDENT, EXPLAINED, Verdict
 
 # Right numbers of 101 consistent films came to 5.4 deviations of the data, once to 6.3 along an
 # axis on which positions hardly depend.
@@ -78,7 +78,14 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     if doubtful:
         # What is left out counts as error, and what explains the sightings as well may be wrong.
         doubt += np.diag(follow @ covariance @ follow.T)[: places.size].reshape(places.shape)
-        likely = np.exp([0.5 * (fit.cost - one.cost) / DEPENDENT for one in verdict.fits])
+        # The alternatives are named as equals, the configured numbers by their likelihood.
+        equal = [DEPENDENT] + [AS_WELL] * (len(verdict.fits) - 1)
+        likely = np.exp(
+            [
+                0.5 * (fit.cost - one.cost) / scale
+                for one, scale in zip(verdict.fits, equal, strict=True)
+            ]
+        )
         away = [np.square(problem.places(one.x) - problem.places(fit.x)) for one in verdict.fits]
         doubt += np.einsum("f,fpm->pm", likely / likely.sum(), away)
     return Correction(
