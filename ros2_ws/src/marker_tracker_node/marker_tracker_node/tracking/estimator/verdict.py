@@ -21,12 +21,13 @@ _LEAST_GAIN = 10.0
 _SIGNIFICANT = 2.5
 # Sightings that are neighbours err together: differences of cost are 2 to 3 times too large.
 DEPENDENT = 2.5
-# What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
-AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
+# What costs no more than this beyond the best explanation is one, too.
+AS_WELL = 14.0
 # Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
 EXPLAINED = 6.5
 # What gains less than this share of the best is not tried, and not named beside it: a large error
-# leaves bends that a small turn of the camera takes up.
+# leaves bends that a small turn of the camera takes up. For those bends what lacks no more than
+# this share of the best gain explains as well, too: up to 0.12 in films of thick cable.
 _LEAST_SHARE = 0.1
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
@@ -199,5 +200,5 @@ def _explanations(problem: Problem, usual: Fit, least: float) -> tuple[Explanati
     found.sort(key=lambda one: one.fit.cost)
     if not found or usual.cost - found[0].fit.cost < least:
         return ()
-    most = max(AS_WELL, _AS_WELL_SHARE * (usual.cost - found[0].fit.cost))
+    most = max(AS_WELL, _LEAST_SHARE * (usual.cost - found[0].fit.cost))
     return tuple(one for one in found if one.left and one.fit.cost < found[0].fit.cost + most)
