@@ -79,13 +79,8 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         # What is left out counts as error, and what explains the sightings as well may be wrong.
         doubt += np.diag(follow @ covariance @ follow.T)[: places.size].reshape(places.shape)
         # The alternatives are named as equals, the configured numbers by their likelihood.
-        equal = [DEPENDENT] + [AS_WELL] * (len(verdict.fits) - 1)
-        likely = np.exp(
-            [
-                0.5 * (fit.cost - one.cost) / scale
-                for one, scale in zip(verdict.fits, equal, strict=True)
-            ]
-        )
+        beyond = np.array([one.cost for one in verdict.fits]) - fit.cost
+        likely = np.exp(-0.5 * beyond / [DEPENDENT, *[AS_WELL] * (beyond.size - 1)])
         away = [np.square(problem.places(one.x) - problem.places(fit.x)) for one in verdict.fits]
         doubt += np.einsum("f,fpm->pm", likely / likely.sum(), away)
     return Correction(
