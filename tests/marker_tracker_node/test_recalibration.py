@@ -141,6 +141,30 @@ def test_what_is_named_and_not_corrected_counts_in_the_deviations(seed: int, siz
     assert run.far < 5.0
 
 
+@pytest.mark.parametrize(
+    ("seed", "number", "size"),
+    [(1105, "guide_offset", 0.009), (1106, "guide_scale", -0.15), (1106, "marker_spacing", -0.3)],
+)
+def test_what_no_marker_rests_on_is_named_and_leaves_the_run_healthy(
+    seed: int, number: str, size: float
+) -> None:
+    wrong = WrongNumber(number=number, size=size)
+    world = replace(World.drawn(seed), landing=wrong.landing())
+    run = outcome(world, world.frames(seed), seed, wrong)
+    assert number in run.named
+    assert run.healthy
+    assert run.far < 5.0  # required
+
+
+def test_a_known_marker_without_sightings_is_corrected_with_the_others() -> None:
+    # The last turn covers P2 as soon as it is known, and 8 % of the focal length move it 2.3 mm.
+    wrong = WrongNumber(number="focal_length", size=0.08)
+    world = World.drawn(1105)
+    run = outcome(world, world.frames(1105), 1105, wrong)
+    assert run.right
+    assert run.far < 5.0  # required
+
+
 def test_a_p0_that_is_never_found_is_reported() -> None:
     # Joined as it turns, with the lay 9 mm off: the second turn fits P0 better.
     wrong = WrongNumber(number="guide_offset", size=-0.009)

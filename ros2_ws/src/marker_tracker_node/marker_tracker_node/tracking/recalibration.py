@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -125,6 +126,7 @@ class Recalibration:
         State, log and memory are written; setups are that with which was measured, and the new one.
         """
         marks, cylinder = state.marks, state.run.cylinder
+        found = _with_unseen(found, turned(marks, found.errors, setups))
         self.begun = self.begun or setups[0]
         self.change[:, found.markers] += [found.theta, found.z] - _places(marks, found)
         self.moved += _measure_again(log.sightings, *setups)
@@ -150,6 +152,22 @@ class Recalibration:
         angle = newest[:, ANGLE] + self.turned_ahead(log.motion, newest[:, [TIME, ANGLE]].T)
         azimuth = newest[:, AZIMUTH] + math.tau * newest[:, LAP]
         return float(np.median(azimuth - angle))
+
+
+def _with_unseen(found: Correction, turned: Correction) -> Correction:
+    """Return a correction with known markers that it has no sightings of, as the camera has them.
+
+    They are doubted as much as any other one.
+    """
+    unseen = ~np.isin(turned.markers, [*found.markers, *found.unexplained])
+    doubt = np.repeat(found.doubt.max(axis=1, keepdims=True), unseen.sum(), axis=1)
+    return replace(
+        found,
+        markers=np.append(found.markers, turned.markers[unseen]),
+        theta=np.append(found.theta, turned.theta[unseen]),
+        z=np.append(found.z, turned.z[unseen]),
+        doubt=np.hstack([found.doubt, doubt]),
+    )
 
 
 def _places(marks: Marks, found: Correction) -> FloatArray:
@@ -205,5 +223,6 @@ def _place(marks: Marks, found: Correction, area: float) -> None:
         getattr(marks, name)[known] += turn
     marks.height[known] = found.z
     marks.area[known] *= area
+    marks.doubt_theta[known], marks.doubt_height[known] = found.doubt
     # They may be other markers, or none.
     marks.known[found.unexplained] = False

@@ -295,7 +295,11 @@ class Tracker:
         """Explain what was seen if there is news, and measure with what that corrects."""
         done = self._checks.judge(self._log, self._setup, self.state, self._seen)
         found, marks = self._checks.correction, self.state.marks
-        if found is None or not (done and self._start.proven):
+        if not (done and self._start.proven):
+            return
+        if found is None:
+            if not self._numbers.made:
+                marks.doubt_theta[:] = marks.doubt_height[:] = 0.0
             return
         if self._numbers.changes(found, marks):
             self._recalibrate(found, self._without(found.errors))

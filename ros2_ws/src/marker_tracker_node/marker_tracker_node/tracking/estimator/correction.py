@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
-from marker_tracker_node.tracking.estimator.fit import fitted
+from marker_tracker_node.tracking.estimator.fit import SURE, fitted
 from marker_tracker_node.tracking.estimator.numbers import COUNT, FOCAL, SCALE, TILT, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
-from marker_tracker_node.tracking.estimator.verdict import DEPENDENT, EXPLAINED, Verdict
+from marker_tracker_node.tracking.estimator.verdict import AS_WELL, DEPENDENT, EXPLAINED, Verdict
 
 # Right numbers of 101 consistent films came to 5.4 deviations of the data, once to 6.3 along an
 # axis on which positions hardly depend.
@@ -57,42 +56,33 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     data, follow, _ = data_information(fit, np.arange(COUNT))
     begun, sigmas = problem.begun, fit.prior[numbers] ** -0.5
     moved, covariance = carried_correction(data, fit.x[numbers] - begun, -begun, sigmas, _CARRIED)
-    count, places = problem.markers.size, problem.places(fit.x)
-    # What may be wrong and is not corrected counts as error.
-    doubted = [group[0] for group in verdict.wrong if group[0].doubted]
-    away = np.array([follow[: 2 * count, one.number] * one.error for one in doubted])
-    left_out = np.square(away.reshape(-1, 2, count)).sum(axis=0)
-    if not (moved.any() or made):
-        if not doubted:
-            return None
-        return Correction(
-            carried=False,
-            posed=True,
-            errors=begun,
-            markers=problem.markers,
-            theta=places[0],
-            z=places[1],
-            doubt=left_out,
-            unexplained=problem.markers[:0],
-            area=problem.area_of(begun),
-        )
+    aside = begun - fit.x[numbers]
+    doubtful = float(aside @ data @ aside) > SURE**2
+    if not (moved.any() or made or doubtful):
+        return None
     errors = begun + moved
-    start = fit.x.copy()
-    start[numbers] = errors
-    start[rest] -= follow @ (errors - fit.x[numbers])
-    prior = fit.prior.copy()
-    prior[numbers] = HELD
-    x = fitted(problem, prior, problem.centred(start), np.append(errors, np.zeros(rest.size))).x
-    clear = problem.unexplained(x) < EXPLAINED
+    x, clear = fit.x.copy(), np.ones(problem.markers.size, dtype=bool)
+    x[numbers] = errors
+    x[rest] -= follow @ (errors - fit.x[numbers])
+    if moved.any() or made:
+        prior = fit.prior.copy()
+        prior[numbers] = HELD
+        centre = np.append(errors, np.zeros(rest.size))
+        x = fitted(problem, prior, problem.centred(x), centre).x
+        clear = problem.unexplained(x) < EXPLAINED
     if not clear[0]:
         # From P0 all others are counted.
         return None
     places = problem.places(x)
-    doubt = np.diag(follow @ covariance @ follow.T)[: 2 * count].reshape(2, count).copy()
-    # What explains the sightings as well may be what is wrong.
-    likely = [math.exp(0.5 * (fit.cost - one.fit.cost) / DEPENDENT) for one in others]
-    for one, share in zip(others, likely, strict=True):
-        doubt += share / sum(likely) * (problem.places(one.fit.x) - places) ** 2
+    doubt = np.zeros_like(places)
+    if doubtful:
+        # What is left out counts as error, and what explains the sightings as well may be wrong.
+        doubt += np.diag(follow @ covariance @ follow.T)[: places.size].reshape(places.shape)
+        # The alternatives are named as equals, the configured numbers by their likelihood.
+        beyond = np.array([one.cost for one in verdict.fits]) - fit.cost
+        likely = np.exp(-0.5 * beyond / [DEPENDENT, *[AS_WELL] * (beyond.size - 1)])
+        away = [np.square(problem.places(one.x) - problem.places(fit.x)) for one in verdict.fits]
+        doubt += np.einsum("f,fpm->pm", likely / likely.sum(), away)
     return Correction(
         carried=bool(moved.any()),
         posed=not others or any(TILT <= one.number < FOCAL for one in others),
@@ -101,6 +91,6 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         unexplained=problem.markers[~clear],
         theta=places[0, clear],
         z=places[1, clear],
-        doubt=(doubt if moved.any() else left_out)[:, clear],
+        doubt=doubt[:, clear],
         area=problem.area_of(errors),
     )

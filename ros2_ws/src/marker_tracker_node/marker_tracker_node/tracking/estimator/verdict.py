@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -20,16 +21,17 @@ _LEAST_GAIN = 10.0
 _SIGNIFICANT = 2.5
 # Sightings that are neighbours err together: differences of cost are 2 to 3 times too large.
 DEPENDENT = 2.5
-# What costs no more than this beyond the best explanation, or this share of its gain, is one, too.
-_AS_WELL, _AS_WELL_SHARE = 14.0, 0.03
+# What costs no more than this beyond the best explanation is one, too.
+AS_WELL = 14.0
 # Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
 EXPLAINED = 6.5
 # What gains less than this share of the best is not tried, and not named beside it: a large error
-# leaves bends that a small turn of the camera takes up.
+# leaves bends that a small turn of the camera takes up. For those bends what lacks no more than
+# this share of the best gain explains as well, too: up to 0.12 in films of thick cable.
 _LEAST_SHARE = 0.1
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
-_LEAST_ALONE, _LEFT_ALONE = 30.0, 0.3
+LEAST_ALONE, LEFT_ALONE = 30.0, 0.3
 
 
 class Explanation(NamedTuple):
@@ -56,22 +58,23 @@ class Verdict:
 
     Attributes:
         wrong: None, one or two; each with what explains it as well.
+        fits: With every number as configured, and with each of those in its place.
     """
 
-    usual: Fit  # With every number as configured
     wrong: tuple[tuple[Explanation, ...], ...]
+    fits: tuple[Fit, ...]
     explained: bool = True  # Whether what is wrong explains the sightings
 
     @property
     def released(self) -> tuple[Explanation, ...]:
-        """What explains the sightings best with a prior released, and as well; empty for none."""
+        """Numbers beyond their doubt that explain the sightings best; empty for none."""
         beyond = [group for group in self.wrong if not group[0].doubted]
         return beyond[-1] if beyond else ()
 
     @property
     def best(self) -> Fit:
         """What explains the sightings best."""
-        return self.released[0].fit if self.released and self.explained else self.usual
+        return min(self.fits, key=lambda fit: fit.cost)
 
 
 def judged(problem: Problem) -> Verdict:
@@ -81,21 +84,32 @@ def judged(problem: Problem) -> Verdict:
     wrong: tuple[tuple[Explanation, ...], ...] = (first,) if first else ()
     if first:
         # One number that explains as well as two is the one.
-        second = _explanations(problem, first[0].fit, _AS_WELL)
+        second = _explanations(problem, first[0].fit, AS_WELL)
         wrong = (first, second) if second else wrong
     # One number is named, or two.
     if len(wrong) < 2 and problem.markers.size > 1:
         fit = first[0].fit if first else usual
-        least = max(_LEAST_ALONE, _LEAST_SHARE * (usual.cost - fit.cost))
+        least = max(LEAST_ALONE, _LEAST_SHARE * (usual.cost - fit.cost))
         beside = _within_doubt(fit, [one[0].number for one in wrong], least)
         # What takes up the difference between two explanations of the first is no other number.
         named = {one.number for one in first}
         wrong += tuple(group for group in beside if not named & {one.number for one in group})
-    verdict = Verdict(usual=usual, wrong=wrong)
+    verdict = Verdict(wrong=wrong, fits=(usual, *_released(problem, wrong)))
     if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
-        return Verdict(usual=usual, wrong=(far,) if far else (), explained=False)
+        return Verdict(wrong=(far,) if far else (), fits=(usual,), explained=False)
     return verdict
+
+
+def _released(problem: Problem, wrong: tuple[tuple[Explanation, ...], ...]) -> Iterator[Fit]:
+    """Yield fits with what is wrong released, each number of a group in its place."""
+    best = [group[0].number for group in wrong]
+    for place, group in enumerate(wrong):
+        for one in group:
+            chosen = [*best[:place], one.number, *best[place + 1 :]]
+            prior = problem.prior.copy()
+            prior[chosen] = [NUMBERS[number].most ** -2 for number in chosen]
+            yield fitted(problem, prior, problem.centred(one.fit.x))
 
 
 def _within_doubt(
@@ -123,21 +137,21 @@ def _within_doubt(
         away = errors(numbers) - x
         return float(away @ data @ away - 2.0 * pull @ away) - least
 
-    exact, chosen = cost(named), list(named)
-    best = exact
-    while best > _LEFT_ALONE * exact and len(chosen) < 2:
+    found, chosen = list(named), list(named)
+    left = now = cost(named)
+    while len(chosen) < 2:
         others = [k for k in range(COUNT) if k not in chosen]
         chosen.append(min(others, key=lambda k: cost([*chosen, k])))
-        if best - cost(chosen) < least_gain:
-            return ()
-        best = cost(chosen)
-    if best > _LEFT_ALONE * exact:
-        return ()
+        before, now = now, cost(chosen)
+        if before - now < least_gain:
+            break
+        if now <= LEFT_ALONE * left:
+            found, left = list(chosen), now
     groups = []
-    for number in chosen[len(named) :]:
-        beside = [k for k in chosen if k != number]
+    for number in found[len(named) :]:
+        beside = [k for k in found if k != number]
         costs = {k: cost([*beside, k]) for k in range(COUNT) if k not in beside}
-        order = sorted((k for k in costs if costs[k] < best + _AS_WELL), key=lambda k: costs[k])
+        order = sorted((k for k in costs if costs[k] < left + AS_WELL), key=lambda k: costs[k])
         # Wound angles are counted from P0 itself, and the clock is judged by its own offset.
         if not set(order) <= {ZERO, CLOCK}:
             sizes = {k: float(errors([*beside, k])[k]) for k in order}
@@ -186,5 +200,5 @@ def _explanations(problem: Problem, usual: Fit, least: float) -> tuple[Explanati
     found.sort(key=lambda one: one.fit.cost)
     if not found or usual.cost - found[0].fit.cost < least:
         return ()
-    most = max(_AS_WELL, _AS_WELL_SHARE * (usual.cost - found[0].fit.cost))
+    most = max(AS_WELL, _LEAST_SHARE * (usual.cost - found[0].fit.cost))
     return tuple(one for one in found if one.left and one.fit.cost < found[0].fit.cost + most)
