@@ -2,13 +2,13 @@
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from processes import COMMAND
 from winding_supervisor.watch.event_log import read_events
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes]
@@ -41,7 +41,7 @@ def test_two_runs_of_one_set_of_nodes(
 def test_a_node_that_its_keeper_starts_again_winds_on(containers: Any, tmp_path: Path) -> None:
     run = subprocess.Popen(
         [
-            *(sys.executable, "-m", "winding_cli.cli", "run", "--attach", "--case", "4"),
+            *(*COMMAND, "run", "--attach", "--case", "4"),
             *("--namespace", containers.namespace, "--duration-s", "8", "--output", "run"),
         ],
         cwd=tmp_path,

@@ -7,13 +7,14 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
 import pytest
 from rosbags.highlevel import AnyReader
 
+from processes import COMMAND, until
 from winding_ros.graph import DEFAULT_NAMESPACE
 from winding_ros.runtime.process import SUPERVISED
 from winding_supervisor.session.domain_lock import DomainError, domain_lock
@@ -40,7 +41,7 @@ class Run:
         with self._output.open("w") as output:
             self.process = subprocess.Popen(
                 [
-                    *(sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", *options),
+                    *(*COMMAND, "run", "--case", "4", *options),
                     *("--output", str(self.run), "--bag", str(self.bag)),
                 ],
                 cwd=folder,
@@ -67,7 +68,7 @@ class Run:
 
     def wait_for(self, stage: str) -> None:
         """Wait until a stage has begun, or the run is over."""
-        until(lambda: self.process.poll() is not None or self.reached(stage))
+        until(lambda: self.process.poll() is not None or self.reached(stage), PATIENCE)
 
     def wait_until_it_winds(self) -> None:
         # The first progress line comes after a tenth of the run.
@@ -136,14 +137,6 @@ def alive(process: psutil.Process) -> bool:
         return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
     except psutil.Error:
         return False
-
-
-def until(reached: Callable[[], bool]) -> None:
-    """Wait until a predicate is true."""
-    end = time.monotonic() + PATIENCE
-    while not reached():
-        assert time.monotonic() < end, "not reached"
-        time.sleep(0.005)
 
 
 def messages_in(bag: Path) -> int:

@@ -147,7 +147,7 @@ def test_stop_of_an_offline_page_says_that_it_is_not_answered(
 @pytest.mark.parametrize("where", ["desk", "phone"])
 @pytest.mark.parametrize("means", ["mouse", "keyboard"])
 def test_the_machine_stops_from_every_state_of_the_page(
-    operated: Any, new_tab: Callable[[str, str], Any], serving: Any, crowd: Any,
+    operated: Any, new_tab: Callable[[str, str], Any], crowd: Any,
     where: str, means: str,
 ) -> None:  # fmt: skip
     offline = new_tab("phone", operated.url)
@@ -162,7 +162,7 @@ def test_the_machine_stops_from_every_state_of_the_page(
         operated.motion.reach("winding", tab.page)
         if state == "crowd":
             port = int(operated.url.rsplit(":", 1)[1].strip("/"))
-            serving.half_open(crowd, port, b"POST /command/stop HTTP/1.1\r\nhost: 127.0.0.1\r\n")
+            crowd.half_open(port, b"POST /command/stop HTTP/1.1\r\nhost: 127.0.0.1\r\n")
         elif state:
             tab.page.evaluate("id => byId(id).show()", state)
             assert tab.measured(f"byId('{state}').open")

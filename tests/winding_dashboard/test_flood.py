@@ -5,12 +5,12 @@ import http.client
 import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from processes import free_port, page_answers, until
 from winding_dashboard.web.connections import Bounds, Connections
 
 pytestmark = pytest.mark.timeout(600)
@@ -146,11 +146,11 @@ def test_silent_connection_is_cut_and_one_that_still_takes_an_answer_is_not() ->
 
 
 @pytest.fixture
-def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]]:
+def crowded(crowd: Any) -> Callable[[bytes], tuple[int, Any]]:
     """Serve the page of a made-up run to a crowd that begins a request and goes no further."""
 
     def serve(opening: bytes) -> tuple[int, Any]:
-        port = serving.free_port()
+        port = free_port()
         page = crowd.enter_context(
             subprocess.Popen(
                 ["sh", "-c", f'ulimit -n {FILES}; exec "$@"', "sh", sys.executable,
@@ -160,8 +160,8 @@ def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]
             )
         )  # fmt: skip
         crowd.callback(page.terminate)
-        serving.wait_for_page(f"http://127.0.0.1:{port}/")
-        serving.half_open(crowd, port, opening)
+        until(lambda: page_answers(f"http://127.0.0.1:{port}/"))
+        crowd.half_open(port, opening)
         return port, page
 
     return serve
@@ -179,7 +179,7 @@ def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]
     ids=["half headers", "half bodies", "nothing"],
 )
 def test_a_crowd_of_half_open_connections_keeps_no_stop_out(
-    crowded: Any, crowd: ExitStack, opening: bytes
+    crowded: Any, crowd: Any, opening: bytes
 ) -> None:
     port, page = crowded(opening)
     asked = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)

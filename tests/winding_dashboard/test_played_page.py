@@ -2,11 +2,12 @@
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+
+from processes import COMMAND, free_port, page_answers, until
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.slow]
 
@@ -14,15 +15,12 @@ MARKERS = "[...document.querySelectorAll('#markers tbody tr')].map(r => r.innerT
 
 
 @pytest.fixture
-def page_url(serving: Any) -> Iterator[str]:
-    port = serving.free_port()
-    page = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "dashboard", "--port", str(port)],
-        env=serving.environment(),
-    )
+def page_url() -> Iterator[str]:
+    port = free_port()
+    page = subprocess.Popen([*COMMAND, "dashboard", "--port", str(port)])
     try:
-        serving.wait_for_page(url := f"http://127.0.0.1:{port}/")
-        yield url
+        until(lambda: page_answers(f"http://127.0.0.1:{port}/"))
+        yield f"http://127.0.0.1:{port}/"
     finally:
         page.terminate()
         page.wait(30.0)
@@ -33,9 +31,7 @@ def test_a_played_bag_looks_like_playback(
 ) -> None:
     desk = new_tab("desk", page_url)
     desk.phase("no data")
-    player = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag)]
-    )
+    player = subprocess.Popen([*COMMAND, "bag", "play", str(recorded_run.bag)])
     try:
         desk.phase("playback")
         desk.wait_for("parseFloat(document.querySelector('#clock').innerText) > 0.3")
@@ -70,9 +66,8 @@ def test_slider_pauses_a_played_bag_and_goes_to_a_place(
 ) -> None:
     tab = new_tab("phone", page_url)
     player = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag), "--loop",
-         "--rate", "0.5"]
-    )  # fmt: skip
+        [*COMMAND, "bag", "play", str(recorded_run.bag), "--loop", "--rate", "0.5"]
+    )
     try:
         slider = tab.page.get_by_label("Place in the recording, s")
         slider.wait_for()

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
-from sensor_cell import running
 
 from lay_control_node.ros.parameters import LayControlParameters
+from processes import in_namespace, running
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
@@ -54,7 +54,7 @@ class Wound:
 @pytest.fixture
 def cell(request: pytest.FixtureRequest) -> Iterator[None]:
     """Run a cell that differs from the ideal one as the test asks."""
-    with running(CELL, json.dumps(request.param), namespace=NAMESPACE):
+    with running(CELL, json.dumps(request.param), *in_namespace(NAMESPACE), ready="ready"):
         yield
 
 
@@ -191,9 +191,9 @@ def test_markers_of_another_cell_land_on_the_wanted_helix(
     seed: int, tmp_path: Path, command: Callable[..., Any]
 ) -> None:
     truth = tmp_path / "truth.json"
-    with running(COMMANDED_CELL, seed, truth, namespace="cell"):
+    with running(COMMANDED_CELL, seed, truth, *in_namespace(NAMESPACE), ready="ready"):
         done = command(
-            *("run", "--case", 4, "--machine", "external", "--namespace", "cell"),
+            *("run", "--case", 4, "--machine", "external", "--namespace", NAMESPACE),
             *("--cylinder-joint", "spindle", "--carriage-joint", "slide"),
             *("--carriage-scale", -0.001, "--control", "drive", "--duration-s", 13),
             *("--output", tmp_path / "run"),

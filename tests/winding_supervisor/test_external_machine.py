@@ -1,16 +1,14 @@
 """`winding run --machine external` with a driver that keeps the tutorial's table and no more."""
 
 import json
-import signal
 import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
+
+from processes import COMMAND, child_of, until
 
 pytestmark = [
     pytest.mark.processes,
@@ -117,14 +115,14 @@ def test_a_stop_that_cannot_be_delivered_ends_the_run(
     errors = tmp_path / "stderr"
     with errors.open("w", encoding="utf-8") as stderr:
         run = subprocess.Popen(
-            [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--machine", "external",
-             "--no-camera", "--namespace", driver.namespace, "--duration-s", "60",
+            [*COMMAND, "run", "--case", "4", "--machine", "external", "--no-camera",
+             "--namespace", driver.namespace, "--duration-s", "60",
              "--output", str(tmp_path / "run")],
             stderr=stderr,
         )  # fmt: skip
     try:
-        wait_until(lambda: "of 60.00 s" in errors.read_text(encoding="utf-8"))
-        child_of(run.pid, "cable_fem_node").send_signal(signal.SIGKILL)
+        until(lambda: "of 60.00 s" in errors.read_text(encoding="utf-8"))
+        child_of(run, "cable_fem_node").kill()
         assert run.wait(240.0) == 1
     finally:
         run.kill()
@@ -133,16 +131,3 @@ def test_a_stop_that_cannot_be_delivered_ends_the_run(
     assert "cable_fem ended with exit code -9" in outcome["cause"]["text"]
     assert outcome["machine"] == "turning"
     assert failure in outcome["sentences"][0]
-
-
-def wait_until(reached: Callable[[], Any], patience: float = 240.0) -> Any:
-    end = time.monotonic() + patience
-    while not (value := reached()):
-        assert time.monotonic() < end
-        time.sleep(0.05)
-    return value
-
-
-def child_of(pid: int, package: str) -> psutil.Process:
-    (found,) = (c for c in psutil.Process(pid).children(recursive=True) if package in c.cmdline())
-    return found
