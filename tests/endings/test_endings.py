@@ -173,7 +173,3 @@ def test_an_ending_has_one_outcome_wherever_it_is_read(name: str, tmp_path: Path
         assert result["outcome"] == outcome
 
     asyncio.run(conduct())
-
-
-def test_there_are_twenty_kinds() -> None:
-    assert len(KINDS) >= 20

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from rosbags.highlevel import AnyReader
+from recordings import recorded
 
 from lay_control_node.ros.parameters import LayControlParameters
 from processes import COMMAND, child_of, until
@@ -56,9 +56,7 @@ class Controlled:
 
     def messages(self, topic: Topic) -> list[bytes]:
         """Return the CDR bytes of a recorded topic, in order."""
-        with AnyReader([self.folder / "bag"]) as reader:
-            wanted = [c for c in reader.connections if c.topic.endswith(f"/{topic.name}")]
-            return [bytes(data) for _, _, data in reader.messages(wanted)] if wanted else []
+        return recorded(self.folder / "bag", f"/{topic.name}")
 
     def carriage(self) -> np.ndarray:
         """Return time [s], position [m] and speed [m/s] of the carriage, shape (n, 3)."""

@@ -171,10 +171,10 @@ def _check_messages(path: Path, messages: Messages, decoder: Decoder, verdict: V
     try:
         for topic, arrived, published, data in messages:
             verdict.stamps.setdefault(topic, array("q")).append(min(published, _LATEST))
-            stated = found.add(topic, arrived)
+            described = found.add(topic, arrived)
             try:
-                decoder.learn(stated.type_name, stated.definition)
-                decoder.decode(stated.type_name, data)
+                decoder.learn(described.type_name, described.definition)
+                decoder.decode(described.type_name, data)
             except BagError as error:
                 undecodable.setdefault(topic, f"message at {arrived * 1e-9:.6f} s is {error}")
     except Exception as error:  # noqa: BLE001 - damaged bytes raise whatever they hit
