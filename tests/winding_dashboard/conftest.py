@@ -26,9 +26,6 @@ from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import decode_joint_state
 
-# Test modules are imported by path, without packages: their neighbours are found from here.
-sys.path.insert(0, str(Path(__file__).parent))
-
 SIZES = {"desk": (1280, 800), "phone": (390, 844)}
 NAMESPACE = "operated"
 

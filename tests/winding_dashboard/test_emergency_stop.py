@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slow]
 QUESTIONS = """
 Object.fromEntries([...document.querySelectorAll('dialog')].map(d => [actionOf(d), d.id]))
 """
-TOLD = b"told emergency_stop"
+ASKED = b"asked emergency_stop"
 # Whether the middle of a button is the button, and not something that covers it.
 UNCOVERED = """
 id => {
@@ -48,7 +48,7 @@ def asked(tab: Any, name: str) -> None:
 def stopped(page: Any) -> None:
     """Wait until the graph behind a page is asked for an emergency stop; forget what came then."""
     output, heard = page.process.stdout.fileno(), b""
-    while TOLD not in heard:
+    while ASKED not in heard:
         assert select.select([output], [], [], TAB_PATIENCE)[0], heard
         heard += os.read(output, 65536)
 

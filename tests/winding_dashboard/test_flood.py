@@ -187,7 +187,7 @@ def test_a_crowd_of_half_open_connections_keeps_no_stop_out(
     head = {"Content-Type": "application/json"}
     asked.request("POST", "/command/emergency_stop", body="{}", headers=head)
     assert asked.getresponse().status == 200
-    assert page.stdout.readline() == "told emergency_stop\n"
+    assert page.stdout.readline() == "asked emergency_stop\n"
     opened = len(list(Path(f"/proc/{page.pid}/fd").iterdir()))
     assert opened < FILES // 2
     asked.close()
@@ -207,5 +207,5 @@ def test_a_browser_stops_the_machine_through_a_crowd(crowded: Any, browser: Any,
     else:
         stop.focus()
         tab.keyboard.press("Enter")
-    assert page.stdout.readline() == "told emergency_stop\n"
+    assert page.stdout.readline() == "asked emergency_stop\n"
     tab.close()

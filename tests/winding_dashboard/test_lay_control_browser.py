@@ -50,7 +50,7 @@ def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any) -> No
     panel = tab.page.get_by_role("region", name="Lay control: wanted, predicted and measured lay")
     panel.get_by_role("button", name="Watch").click()
     tab.answer("Switch to watch")
-    assert controlled_page.process.stdout.readline() == "told lay_control_watch\n"
+    assert controlled_page.process.stdout.readline() == "asked lay_control_watch\n"
     tab.answered("lay control: done")
     tab.wait_for(
         "document.querySelector('.control').innerText"

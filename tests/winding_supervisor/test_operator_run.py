@@ -107,7 +107,7 @@ def test_reset_begins_another_run_while_time_goes_on() -> None:
 
 
 class Session:
-    """What an operator's runs are told by: encoders and the status of the machine."""
+    """What an operator's runs are followed by: encoders and the status of the machine."""
 
     def __init__(self) -> None:
         self.machine, self.log = Machine(), EventLog(file=None)
