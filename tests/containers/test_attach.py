@@ -57,19 +57,3 @@ def test_a_node_that_its_keeper_starts_again_winds_on(containers: Any, tmp_path:
     assert run.returncode == 0, printed
     events = [event.what for event in read_events(tmp_path / "run" / "events.jsonl")]
     assert events == ["detected", "stopped", "standing", "restarting", "restarted", "resumed"]
-
-
-def test_a_refused_parameter_is_named(
-    containers: Any, tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    parameters = tmp_path / "own.yaml"
-    parameters.write_text("/**/cable_fem:\n  ros__parameters: {no_such_parameter: 1}\n")
-    done = command(
-        *("run", "--attach", "--namespace", containers.namespace, "--case", 4, "--duration-s", 1),
-        *("--parameters", parameters),
-        cwd=tmp_path,
-    )
-    # The file is checked before any node is asked, wherever the nodes run.
-    assert done.returncode == 2
-    (sentence,) = done.stderr.splitlines()
-    assert "own.yaml: cable_fem has no parameter no_such_parameter" in sentence
