@@ -8,6 +8,7 @@ import statistics
 import subprocess
 import time
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
@@ -47,13 +48,7 @@ class Soak:
         place = ("--duration-s", "20", "--speed", "0", "--namespace", NAMESPACE)
         with self._output.open("w") as output:
             self._process = subprocess.Popen(
-                [
-                    *COMMAND,
-                    *words,
-                    *place,
-                    "--output",
-                    folder / "run",
-                ],
+                [*COMMAND, *words, *place, "--output", folder / "run"],
                 stdout=output,
                 stderr=subprocess.STDOUT,
             )
@@ -63,8 +58,9 @@ class Soak:
     def printed(self) -> str:
         return self._output.read_text(encoding="utf-8")
 
-    def wait_for_page(self) -> None:
-        until(lambda: "operator's page" in self.printed, PATIENCE, self._process)
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Wait while the process goes on."""
+        until(reached, PATIENCE, self._process)
 
     @property
     def exit_code(self) -> int | None:
@@ -107,15 +103,20 @@ class Soak:
                 self._process.kill()
 
 
+def phase_of(tab: Tab) -> str:
+    word = tab.measured("document.querySelector('[data-part=state] .word')?.innerText")
+    return (word or "").lower()
+
+
 def wind_on(tab: Tab) -> int:
     """Begin another run if the last one is over; return how many were over."""
-    phase = tab.measured("document.querySelector('[data-part=state] .word')?.innerText") or ""
-    if phase.lower() == "finished":
+    phase = phase_of(tab)
+    if phase == "finished":
         tab.button("Reset").click()
         tab.answer("Reset")
         tab.answered("start of a run")
         return 1
-    if phase.lower() in ("ready", "stopped") and tab.button("Start").is_enabled():
+    if phase in ("ready", "stopped") and tab.button("Start").is_enabled():
         tab.button("Start").click()
     return 0
 
@@ -126,10 +127,11 @@ def test_nothing_grows_while_the_graph_winds(tmp_path: Path) -> None:
     memory: dict[str, list[tuple[float, int]]] = defaultdict(list)
     files: list[tuple[tuple[int, int], tuple[int, int]]] = []
     try:
-        soak.wait_for_page()
+        soak.until(lambda: "operator's page" in soak.printed)
         with chromium() as browser:
             tab = Tab(browser, (1280, 800))
             tab.page.goto(soak.url)
+            soak.until(lambda: phase_of(tab) == "ready")
             begin = looked = time.monotonic()
             while (now := time.monotonic()) - begin < 60.0 * MINUTES and soak.exit_code is None:
                 runs += wind_on(tab)

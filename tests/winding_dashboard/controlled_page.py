@@ -1,4 +1,4 @@
-"""Serve the page of a made-up controlled run, whose graph carries out what it is asked, without ROS.
+"""Serve the page of a made-up controlled run, without ROS; its graph carries out what is asked.
 
 python controlled_page.py PORT serves the page until it is ended; the commands it gets are printed.
 With `standing` behind it the machine stands, and another condition can be prepared.
