@@ -8,6 +8,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import psutil
@@ -45,6 +46,29 @@ def page_answers(url: str) -> bool:
     except OSError:
         return False
     return True
+
+
+@dataclass(frozen=True, kw_only=True)
+class Served:
+    """A page, and the process that serves it."""
+
+    url: str
+    process: "subprocess.Popen[str]"
+
+
+@contextmanager
+def serving(*words: object, **options: Any) -> Iterator[Served]:
+    """Run words and a free port until the end of the body, which begins when a page is there."""
+    port = free_port()
+    url = f"http://127.0.0.1:{port}/"
+    words = (*words, port)
+    process = subprocess.Popen([*map(str, words)], stdout=subprocess.PIPE, text=True, **options)
+    try:
+        until(lambda: page_answers(url))
+        yield Served(url=url, process=process)
+    finally:
+        process.terminate()
+        process.wait(30.0)
 
 
 def child_of(process: "subprocess.Popen[Any]", package: str) -> psutil.Process:

@@ -9,7 +9,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,13 +21,14 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
-from processes import COMMAND, PATIENCE, free_port, page_answers, until
+from processes import COMMAND, PATIENCE, Served, serving
 from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import decode_joint_state
 
 SIZES = {"desk": (1280, 800), "phone": (390, 844)}
 NAMESPACE = "operated"
+HERE = Path(__file__).parent
 
 
 class Motion:
@@ -141,67 +142,33 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def operated(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Operated]:
+def operated(
+    tmp_path_factory: pytest.TempPathFactory, motion_of: Callable[[str], Motion]
+) -> Iterator[Operated]:
     folder = tmp_path_factory.mktemp("operated")
-    port = free_port()
     environment = {**os.environ, "ROS_LOG_DIR": str(folder)}
-    graph = subprocess.Popen(
-        [sys.executable, str(Path(__file__).parent / "standing_graph.py"), NAMESPACE, str(folder)],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment,
-    )  # fmt: skip
-    page = subprocess.Popen(
-        [*COMMAND, "dashboard", "--namespace", NAMESPACE, "--port", str(port)], env=environment
-    )
-    motion = Motion(NAMESPACE)
-    try:
+    words = (*COMMAND, "dashboard", "--namespace", NAMESPACE, "--port")
+    with (
+        subprocess.Popen(
+            [sys.executable, HERE / "standing_graph.py", NAMESPACE, folder],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment,
+        ) as graph,
+        serving(*words, env=environment) as page,
+    ):  # fmt: skip
         assert graph.stdout is not None
         assert graph.stdout.readline() == "READY\n"
-        url = f"http://127.0.0.1:{port}/"
-        until(lambda: page_answers(url))
-        yield Operated(url=url, motion=motion)
-    finally:
-        motion.close()
-        page.terminate()
-        page.wait(30.0)
-        assert graph.stdin is not None
-        graph.stdin.close()
-        graph.wait(60.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlledPage:
-    """The page of a made-up run, and its server."""
-
-    url: str
-    process: "subprocess.Popen[str]"
-
-
-@contextmanager
-def made_up_page(*arguments: str) -> Iterator[ControlledPage]:
-    """Serve controlled_page.py until the end of the body."""
-    port = free_port()
-    process = subprocess.Popen(
-        [sys.executable, str(Path(__file__).parent / "controlled_page.py"), str(port), *arguments],
-        stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
-    try:
-        url = f"http://127.0.0.1:{port}/"
-        until(lambda: page_answers(url))
-        yield ControlledPage(url=url, process=process)
-    finally:
-        process.terminate()
-        process.wait(30.0)
+        yield Operated(url=page.url, motion=motion_of(NAMESPACE))
 
 
 @pytest.fixture(scope="module")
-def controlled_page() -> Iterator[ControlledPage]:
-    with made_up_page() as page:
+def controlled_page() -> Iterator[Served]:
+    with serving(sys.executable, HERE / "controlled_page.py") as page:
         yield page
 
 
 @pytest.fixture
-def standing_page() -> Iterator[ControlledPage]:
-    with made_up_page("standing") as page:
+def standing_page() -> Iterator[Served]:
+    with serving(sys.executable, HERE / "controlled_page.py", "standing") as page:
         yield page
 
 

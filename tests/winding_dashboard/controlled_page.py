@@ -1,7 +1,7 @@
 """Serve the page of a made-up controlled run, without ROS; its graph carries out what is asked.
 
 python controlled_page.py PORT serves the page until it is ended; the commands it gets are printed.
-With `standing` behind it the machine stands, and another condition can be prepared.
+With `standing` before PORT the machine stands, and another condition can be prepared.
 """
 
 import asyncio
@@ -150,4 +150,4 @@ def main(port: int, *, standing: bool) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), standing="standing" in sys.argv)
+    main(int(sys.argv[-1]), standing="standing" in sys.argv)

@@ -2,7 +2,6 @@
 
 import asyncio
 import http.client
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from processes import free_port, page_answers, until
+from processes import serving
 from winding_dashboard.web.connections import Bounds, Connections
 
 pytestmark = pytest.mark.timeout(600)
@@ -150,19 +149,11 @@ def crowded(crowd: Any) -> Callable[[bytes], tuple[int, Any]]:
     """Serve the page of a made-up run to a crowd that begins a request and goes no further."""
 
     def serve(opening: bytes) -> tuple[int, Any]:
-        port = free_port()
-        page = crowd.enter_context(
-            subprocess.Popen(
-                ["sh", "-c", f'ulimit -n {FILES}; exec "$@"', "sh", sys.executable,
-                 str(Path(__file__).parent / "controlled_page.py"), str(port)],
-                stdout=subprocess.PIPE,
-                text=True,
-            )
-        )  # fmt: skip
-        crowd.callback(page.terminate)
-        until(lambda: page_answers(f"http://127.0.0.1:{port}/"))
+        words = ("sh", "-c", f'ulimit -n {FILES}; exec "$@"', "sh", sys.executable)
+        page = crowd.enter_context(serving(*words, Path(__file__).parent / "controlled_page.py"))
+        port = int(page.url.rsplit(":", 1)[1].strip("/"))
         crowd.half_open(port, opening)
-        return port, page
+        return port, page.process
 
     return serve
 

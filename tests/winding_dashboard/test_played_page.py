@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from processes import COMMAND, free_port, page_answers, until
+from processes import COMMAND, serving
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.slow]
 
@@ -16,14 +16,8 @@ MARKERS = "[...document.querySelectorAll('#markers tbody tr')].map(r => r.innerT
 
 @pytest.fixture
 def page_url() -> Iterator[str]:
-    port = free_port()
-    page = subprocess.Popen([*COMMAND, "dashboard", "--port", str(port)])
-    try:
-        until(lambda: page_answers(f"http://127.0.0.1:{port}/"))
-        yield f"http://127.0.0.1:{port}/"
-    finally:
-        page.terminate()
-        page.wait(30.0)
+    with serving(*COMMAND, "dashboard", "--port") as page:
+        yield page.url
 
 
 def test_a_played_bag_looks_like_playback(
