@@ -3,7 +3,6 @@
 import importlib
 import shutil
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -11,6 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+
+from processes import COMMAND, in_namespace, running
 
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0
@@ -176,7 +177,7 @@ def winding(
 ) -> subprocess.CompletedProcess[str]:
     """Run the `winding` command in a folder, as a person would."""
     return subprocess.run(
-        [sys.executable, "-m", "winding_cli.cli", *map(str, arguments)],
+        [*COMMAND, *map(str, arguments)],
         cwd=cwd,
         capture_output=True,
         text=True,
@@ -259,18 +260,5 @@ def driver(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Driver]:
     script = tmp_path / "driver.py"
     script.write_text(source, encoding="utf-8")
     namespace = "driven"
-    process = subprocess.Popen(
-        [sys.executable, str(script), "--ros-args", "-r", f"__ns:=/{namespace}"],
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stderr is not None
-    try:
-        assert any("ready" in line for line in process.stderr)
+    with running(script, *in_namespace(namespace), ready="ready", cwd=tmp_path) as process:
         yield Driver(namespace=namespace, process=process)
-        process.terminate()
-        assert process.wait(timeout=60) == 0
-    finally:
-        process.kill()
-        process.wait()

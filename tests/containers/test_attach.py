@@ -2,13 +2,13 @@
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from processes import COMMAND
 from winding_supervisor.watch.event_log import read_events
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes]
@@ -41,7 +41,7 @@ def test_two_runs_of_one_set_of_nodes(
 def test_a_node_that_its_keeper_starts_again_winds_on(containers: Any, tmp_path: Path) -> None:
     run = subprocess.Popen(
         [
-            *(sys.executable, "-m", "winding_cli.cli", "run", "--attach", "--case", "4"),
+            *(*COMMAND, "run", "--attach", "--case", "4"),
             *("--namespace", containers.namespace, "--duration-s", "8", "--output", "run"),
         ],
         cwd=tmp_path,
@@ -57,19 +57,3 @@ def test_a_node_that_its_keeper_starts_again_winds_on(containers: Any, tmp_path:
     assert run.returncode == 0, printed
     events = [event.what for event in read_events(tmp_path / "run" / "events.jsonl")]
     assert events == ["detected", "stopped", "standing", "restarting", "restarted", "resumed"]
-
-
-def test_a_refused_parameter_is_named(
-    containers: Any, tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    parameters = tmp_path / "own.yaml"
-    parameters.write_text("/**/cable_fem:\n  ros__parameters: {no_such_parameter: 1}\n")
-    done = command(
-        *("run", "--attach", "--namespace", containers.namespace, "--case", 4, "--duration-s", 1),
-        *("--parameters", parameters),
-        cwd=tmp_path,
-    )
-    # The file is checked before any node is asked, wherever the nodes run.
-    assert done.returncode == 2
-    (sentence,) = done.stderr.splitlines()
-    assert "own.yaml: cable_fem has no parameter no_such_parameter" in sentence

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from processes import COMMAND
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_ros.graph import GRAPH, RIG
@@ -69,7 +70,7 @@ def run_inside(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [
             *inside(len(GRAPH)),
-            *(sys.executable, "-m", "winding_cli.cli", "run", "--attach", "--case", "4", *options),
+            *(*COMMAND, "run", "--attach", "--case", "4", *options),
         ],
         cwd=folder,
         env={**os.environ, **ENVIRONMENT},

@@ -1,4 +1,4 @@
-"""A node dies, or a person interrupts: everything stops, is named, and is kept."""
+"""Interrupted twice at any moment, or without a supervisor: nothing is left behind."""
 
 import os
 import random
@@ -7,13 +7,12 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import psutil
 import pytest
-from rosbags.highlevel import AnyReader
 
+from processes import COMMAND, until
 from winding_ros.graph import DEFAULT_NAMESPACE
 from winding_ros.runtime.process import SUPERVISED
 from winding_supervisor.session.domain_lock import DomainError, domain_lock
@@ -40,7 +39,7 @@ class Run:
         with self._output.open("w") as output:
             self.process = subprocess.Popen(
                 [
-                    *(sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", *options),
+                    *(*COMMAND, "run", "--case", "4", *options),
                     *("--output", str(self.run), "--bag", str(self.bag)),
                 ],
                 cwd=folder,
@@ -67,12 +66,7 @@ class Run:
 
     def wait_for(self, stage: str) -> None:
         """Wait until a stage has begun, or the run is over."""
-        until(lambda: self.process.poll() is not None or self.reached(stage))
-
-    def wait_until_it_winds(self) -> None:
-        # The first progress line comes after a tenth of the run.
-        self.wait_for("winding")
-        assert self.process.poll() is None, self.printed()
+        until(lambda: self.process.poll() is not None or self.reached(stage), PATIENCE)
 
     def send(self, number: int, *, group: bool) -> None:
         """Send a signal to the command, or to its process group as a terminal does."""
@@ -89,11 +83,6 @@ class Run:
             and (process in self._children or any(str(self.folder) in w for w in words(process)))
             and alive(process)
         ]
-
-    def node(self, package: str) -> int:
-        """Return the process id of a node of this run."""
-        (found,) = (process for process in self.processes() if package in words(process))
-        return found.pid
 
     def left_behind(self) -> list[str]:
         """Return what is wrong with how it ended, one sentence each."""
@@ -136,51 +125,6 @@ def alive(process: psutil.Process) -> bool:
         return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
     except psutil.Error:
         return False
-
-
-def until(reached: Callable[[], bool]) -> None:
-    """Wait until a predicate is true."""
-    end = time.monotonic() + PATIENCE
-    while not reached():
-        assert time.monotonic() < end, "not reached"
-        time.sleep(0.005)
-
-
-def messages_in(bag: Path) -> int:
-    with AnyReader([bag]) as reader:
-        return sum(1 for _ in reader.messages())
-
-
-@pytest.fixture
-def winding_run(tmp_path: Path) -> Iterator[Run]:
-    run = Run(tmp_path)
-    yield run
-    if run.process.poll() is None:
-        run.process.kill()
-    run.process.wait()
-
-
-@pytest.mark.parametrize(
-    ("package", "code", "words"),
-    [
-        ("winding_rig_node", 1, "winding: winding_rig ended with exit code -9"),
-        ("", 130, "interrupted; the nodes are stopped"),
-    ],
-    ids=["a dead node", "SIGTERM"],
-)
-def test_the_recording_of_a_run_that_ends_early_is_kept(
-    winding_run: Run, package: str, code: int, words: str
-) -> None:
-    winding_run.wait_until_it_winds()
-    if package:
-        os.kill(winding_run.node(package), signal.SIGKILL)
-    else:
-        winding_run.process.send_signal(signal.SIGTERM)
-    assert winding_run.process.wait(PATIENCE) == code
-    assert words in winding_run.printed()
-    assert winding_run.processes() == []
-    # Two simulated seconds have at least two thousand encoder samples.
-    assert messages_in(winding_run.bag) > 2000
 
 
 def interrupted_twice(times: int) -> list[str]:

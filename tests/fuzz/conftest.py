@@ -4,13 +4,8 @@ FUZZ_TIMES=10 tries ten times as many, not the same ones each time.
 """
 
 import os
-import sys
-from pathlib import Path
 
 from hypothesis import HealthCheck, settings
-
-# Test modules are imported by path, without packages: what they share is found from here.
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "winding_recorder")]
 
 _TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
 

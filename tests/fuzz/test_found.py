@@ -1,12 +1,10 @@
 """What made-up inputs have found, each once and plainly."""
 
-import math
 from pathlib import Path
 from typing import Any
 
 import pytest
 from made_up import write_database
-from sensor_msgs.msg import CameraInfo
 
 from correction_node.models.dataset import parse_lengths
 from marker_tracker_node.camera.calibration import CalibrationError, read_camera
@@ -19,9 +17,6 @@ from winding_recorder.bags.contents import contents
 from winding_recorder.bags.description import BagError
 from winding_recorder.bags.tables import export
 from winding_rig_node.ros.parameters import RigParameters
-from winding_ros.messages.camera import decode_camera_info
-from winding_ros.messages.diagnostics import decode_case_votes, encode_case_votes
-from winding_ros.messages.serialised import MessageError
 from winding_ros.runtime.parameter_files import parameters_for
 from winding_study.identification.sources import SourceError, read_readings
 from winding_study.sweep.spec import SpecError, parse_spec
@@ -31,18 +26,6 @@ def given(folder: Path, content: str | bytes) -> Path:
     path = folder / "given"
     path.write_bytes(content if isinstance(content, bytes) else content.encode())
     return path
-
-
-def test_more_coefficients_than_the_lens_model_has_were_cut_off() -> None:
-    message = CameraInfo(k=[1.0] * 9, d=[0.0] * 8, distortion_model="plumb_bob")
-    with pytest.raises(MessageError, match="plumb_bob has 5 coefficients, got 8"):
-        decode_camera_info(message)
-
-
-@pytest.mark.parametrize("share", [math.nan, math.inf, -0.1, 1.5])
-def test_any_number_was_a_share_of_votes(share: float) -> None:
-    with pytest.raises(MessageError, match="a share of votes lies in 0 to 1"):
-        decode_case_votes(encode_case_votes(0.0, {1: share}))
 
 
 @pytest.mark.parametrize(

@@ -1,22 +1,18 @@
 """Controller and brake in runs of real processes: where markers land, and when nodes die."""
 
 import json
-import os
-import signal
 import subprocess
-import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import psutil
 import pytest
-from rosbags.highlevel import AnyReader
+from recordings import recorded
 
 from lay_control_node.ros.parameters import LayControlParameters
+from processes import COMMAND, child_of, until
 from winding_core.lay.records import LAY_CONTROL_DTYPE
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 from winding_ros import topics
@@ -60,9 +56,7 @@ class Controlled:
 
     def messages(self, topic: Topic) -> list[bytes]:
         """Return the CDR bytes of a recorded topic, in order."""
-        with AnyReader([self.folder / "bag"]) as reader:
-            wanted = [c for c in reader.connections if c.topic.endswith(f"/{topic.name}")]
-            return [bytes(data) for _, _, data in reader.messages(wanted)] if wanted else []
+        return recorded(self.folder / "bag", f"/{topic.name}")
 
     def carriage(self) -> np.ndarray:
         """Return time [s], position [m] and speed [m/s] of the carriage, shape (n, 3)."""
@@ -145,20 +139,6 @@ def test_watching_commands_nothing(tmp_path: Path, wound: Callable[..., Controll
     assert watched.messages(topics.TENSION_COMMAND) == []
 
 
-def until(reached: Callable[[], Any], process: subprocess.Popen[bytes]) -> None:
-    end = time.monotonic() + PATIENCE
-    while not reached():
-        assert process.poll() is None, "the run has ended"
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
-def pid_of(package: str, process: subprocess.Popen[bytes]) -> int:
-    """Return the process id of a node of a run."""
-    nodes = psutil.Process(process.pid).children(recursive=True)
-    return next(node.pid for node in nodes if package in node.cmdline())
-
-
 @pytest.fixture(scope="module")
 def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
     """Return a driven run in which the tracker, the solver and the controller were killed."""
@@ -167,7 +147,7 @@ def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
     errors = folder / "stderr"
     with errors.open("w") as stderr:
         process = subprocess.Popen(
-            [sys.executable, "-m", "winding_cli.cli", *arguments(folder, "drive", *RECORDED)],
+            [*COMMAND, *arguments(folder, "drive", *RECORDED)],
             cwd=folder,
             stdout=subprocess.DEVNULL,
             stderr=stderr,
@@ -177,11 +157,11 @@ def survived(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Controlled]:
         return sum(event["what"] == "resumed" for event in run.events()) >= count
 
     try:
-        until(lambda: " simulated, " in errors.read_text(encoding="utf-8"), process)
+        until(lambda: " simulated, " in errors.read_text("utf-8"), PATIENCE, process)
         killed = ("marker_tracker_node", "cable_fem_node", "lay_control_node")
         for count, package in enumerate(killed, start=1):
-            os.kill(pid_of(package, process), signal.SIGKILL)
-            until(lambda count=count: resumed(count), process)
+            child_of(process, package).kill()
+            until(lambda count=count: resumed(count), PATIENCE, process)
         assert process.wait(PATIENCE) == 0, errors.read_text(encoding="utf-8")
         yield run
     finally:

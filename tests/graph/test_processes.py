@@ -12,12 +12,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from recordings import recorded
 
 import cable_winding as cw
+from processes import in_namespace
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
-from winding_recorder.bags.reading import messages_of, opened
+from winding_recorder.bags.reading import opened
 from winding_ros import topics
 from winding_ros.graph import CORRECTION, GRAPH, TRACKER
 from winding_ros.messages.clouds import decode_cloud
@@ -77,9 +79,7 @@ def test_numbers_have_the_promised_keys(numbers: dict[str, Any]) -> None:
 
 def clouds(recorded_run: Any, topic: Topic, dtype: np.dtype) -> list[tuple[float, np.ndarray]]:
     """Return stamps [s] and records of a recorded cloud, in order."""
-    with opened(recorded_run.bag) as reader:
-        links = [link for link in reader.connections if link.topic.endswith(f"/{topic.name}")]
-        return [decode_cloud(bytes(data), dtype) for _, _, data in messages_of(reader, links)]
+    return [decode_cloud(data, dtype) for data in recorded(recorded_run.bag, f"/{topic.name}")]
 
 
 def test_wound_marker_is_tracked_to_one_percent_and_no_other_is_invented(
@@ -112,10 +112,8 @@ def test_whole_run_is_predicted_at_activation(recorded_run: Any) -> None:
 
 
 def test_machine_follows_the_drive_profile(recorded_run: Any) -> None:
-    with opened(recorded_run.bag) as reader:
-        links = [link for link in reader.connections if link.topic.endswith("rig/joint_states")]
-        *_, (_, _, data) = messages_of(reader, links)
-    t, reading = JointStateReader(MachineAxes())(bytes(data))
+    *_, data = recorded(recorded_run.bag, "rig/joint_states")
+    t, reading = JointStateReader(MachineAxes())(data)
     angle, guide = DriveProfile().positions(t)
     # The bound that the machine's own test measures.
     assert reading.cylinder_angle == pytest.approx(angle, abs=0.01)
@@ -206,7 +204,7 @@ def nodes() -> Iterator[list[subprocess.Popen[bytes]]]:
         started.append(
             subprocess.Popen(
                 [
-                    *(sys.executable, *command, "--ros-args", "-r", f"__ns:=/{NAMESPACE}"),
+                    *(sys.executable, *command, *in_namespace(NAMESPACE)),
                     *("-r", f"/clock:=/{NAMESPACE}/clock"),
                 ],
                 env={**os.environ, "OMP_NUM_THREADS": "1"},
@@ -251,7 +249,7 @@ def test_two_slow_nodes_are_blamed_on_their_own_hops(
     assert "Where a corrected length" in report
 
 
-def recorded(bag: Path) -> dict[str, list[bytes]]:
+def by_topic(bag: Path) -> dict[str, list[bytes]]:
     """Return the messages by topic; their bag times are arrivals, which no two runs share."""
     messages = defaultdict(list)
     with opened(bag) as reader:
@@ -269,7 +267,7 @@ def test_equal_runs_record_equal_bytes(tmp_path: Path, command: Callable[..., An
             cwd=tmp_path,
         )
         assert done.returncode == 0, done.stdout + done.stderr
-    one, other = recorded(tmp_path / "one"), recorded(tmp_path / "other")
+    one, other = by_topic(tmp_path / "one"), by_topic(tmp_path / "other")
     counts = [
         {topic: len(messages) for topic, messages in bag.items() if topic != OF_THE_WALL_CLOCK}
         for bag in (one, other)

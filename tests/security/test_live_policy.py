@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 import urllib.request
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
+from processes import COMMAND, free_port
 from winding_ros import services, topics
 from winding_ros.access_policy import Participants, grants, sros2_policy
 from winding_ros.graph import PAGE, controlled, members
@@ -64,7 +64,7 @@ def uncovered(found: Endpoints, namespace: str, taking_part: Participants) -> En
 @contextmanager
 def winding(*words: object) -> Iterator["subprocess.Popen[str]"]:
     process = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", *map(str, words)],
+        [*COMMAND, *map(str, words)],
         stdout=subprocess.PIPE,
         text=True,
     )
@@ -87,10 +87,8 @@ def post(url: str, path: str, **more: Any) -> str:
     return found["answer"] if found["refused"] else ""
 
 
-def test_a_run_with_page_and_controller_keeps_to_its_policy(
-    ros: Any, serving_port: int, tmp_path: Path
-) -> None:
-    namespace = "kept"
+def test_a_run_with_page_and_controller_keeps_to_its_policy(ros: Any, tmp_path: Path) -> None:
+    namespace, serving_port = "kept", free_port()
     probe = ros.add(Node, "probe", namespace="elsewhere")
     url = f"http://127.0.0.1:{serving_port}/"
     with winding(
@@ -186,12 +184,3 @@ def test_a_goal_on_a_real_machine_keeps_to_its_policy(
         *("winding_rig", "orchestrator", "recorder", "run_server"),
     }
     assert uncovered(found, driver.namespace, taking_part) == set()
-
-
-@pytest.fixture
-def serving_port() -> int:
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

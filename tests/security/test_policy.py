@@ -145,14 +145,6 @@ def test_a_middleware_without_security_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_the_command_refuses_before_anything_starts(tmp_path: Path, command) -> None:  # type: ignore[no-untyped-def]
-    done = command("run", "--secure", "--case", 4, "--output", tmp_path / "run", cwd=tmp_path)
-    assert done.returncode == 2
-    assert done.stderr.startswith("winding: a secure run needs ROS_SECURITY_ENABLE=true")
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.slow
 def test_the_command_prints_the_policy_of_a_run(tmp_path: Path, command) -> None:  # type: ignore[no-untyped-def]
     words = ("--sros2", "--namespace", "cell/a", "--machine", "external", "--no-camera")
     done = command("graph", *words, "--control", "--dashboard", "--serve", "--commander",

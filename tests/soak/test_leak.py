@@ -1,18 +1,22 @@
-"""Half an hour of the whole graph: memory, shared memory and logs stay what they are; --run-soak.
+"""Half an hour of the whole graph and its page: memory, shared memory and logs stay; --run-soak.
 
-SOAK_MINUTES makes it shorter or longer.
+A browser on the operator's page begins run after run. SOAK_MINUTES makes it shorter or longer.
 """
 
 import os
 import statistics
 import subprocess
-import sys
 import time
 from collections import defaultdict
+from collections.abc import Callable
 from pathlib import Path
 
 import psutil
 import pytest
+from browser_tab import Tab
+from chromium import chromium
+
+from processes import COMMAND, free_port, until
 
 pytestmark = [
     pytest.mark.soak,
@@ -38,15 +42,15 @@ class Soak:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._output = folder / "output"
-        words = ("-m", "winding_cli.cli", "run", "--case", "4", "--dashboard", "--duration-s", "20")
-        place = ("--speed", "0", "--namespace", NAMESPACE, "--output", str(folder / "run"))
-        operator = (str(Path(__file__).with_name("wind_on.py")), NAMESPACE, str(MINUTES))
+        port = free_port()
+        self.url = f"http://127.0.0.1:{port}/"
+        words = ("run", "--case", "4", "--dashboard", "--dashboard-port", str(port))
+        place = ("--duration-s", "20", "--speed", "0", "--namespace", NAMESPACE)
         with self._output.open("w") as output:
-            self._process, self._operator = (
-                subprocess.Popen(
-                    [sys.executable, *command], stdout=output, stderr=subprocess.STDOUT
-                )
-                for command in ((*words, *place), operator)
+            self._process = subprocess.Popen(
+                [*COMMAND, *words, *place, "--output", folder / "run"],
+                stdout=output,
+                stderr=subprocess.STDOUT,
             )
         self._root = psutil.Process(self._process.pid)
 
@@ -54,23 +58,13 @@ class Soak:
     def printed(self) -> str:
         return self._output.read_text(encoding="utf-8")
 
-    def wait_until_it_winds(self) -> None:
-        end = time.monotonic() + PATIENCE
-        while "winding\n" not in self.printed:
-            assert self.goes_on(0.1), self.printed
-            assert time.monotonic() < end, self.printed
-
-    def goes_on(self, wait: float) -> bool:
-        """Wait so many seconds; return whether the process has not ended meanwhile."""
-        try:
-            self._operator.wait(wait)
-        except subprocess.TimeoutExpired:
-            return self._process.poll() is None
-        return False
+    def until(self, reached: Callable[[], bool]) -> None:
+        """Wait while the process goes on."""
+        until(reached, PATIENCE, self._process)
 
     @property
     def exit_code(self) -> int | None:
-        return self._process.returncode
+        return self._process.poll()
 
     def memory(self) -> dict[str, int]:
         """Return the resident memory of every process of the graph [bytes]."""
@@ -101,8 +95,6 @@ class Soak:
         return len(sizes), sum(sizes)
 
     def end(self) -> None:
-        self._operator.kill()
-        self._operator.wait()
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -111,24 +103,50 @@ class Soak:
                 self._process.kill()
 
 
+def phase_of(tab: Tab) -> str:
+    word = tab.measured("document.querySelector('[data-part=state] .word')?.innerText")
+    return (word or "").lower()
+
+
+def wind_on(tab: Tab) -> int:
+    """Begin another run if the last one is over; return how many were over."""
+    phase = phase_of(tab)
+    if phase == "finished":
+        tab.button("Reset").click()
+        tab.answer("Reset")
+        tab.answered("start of a run")
+        return 1
+    if phase in ("ready", "stopped") and tab.button("Start").is_enabled():
+        tab.button("Start").click()
+    return 0
+
+
 @pytest.mark.timeout(60.0 * MINUTES + 600.0)
 def test_nothing_grows_while_the_graph_winds(tmp_path: Path) -> None:
-    soak = Soak(tmp_path)
+    soak, runs = Soak(tmp_path), 0
+    memory: dict[str, list[tuple[float, int]]] = defaultdict(list)
+    files: list[tuple[tuple[int, int], tuple[int, int]]] = []
     try:
-        soak.wait_until_it_winds()
-        begin = time.monotonic()
-        memory: dict[str, list[tuple[float, int]]] = defaultdict(list)
-        files: list[tuple[tuple[int, int], tuple[int, int]]] = []
-        while soak.goes_on(LOOK_S) and time.monotonic() - begin < 60.0 * MINUTES:
-            passed = time.monotonic() - begin
-            for name, used in soak.memory().items():
-                memory[name].append((passed, used))
-            if passed >= SETTLED_S:
-                files.append((soak.shared(), soak.logs()))
-        assert soak.exit_code in (0, None), soak.printed
+        soak.until(lambda: "operator's page" in soak.printed)
+        with chromium() as browser:
+            tab = Tab(browser, (1280, 800))
+            tab.page.goto(soak.url)
+            soak.until(lambda: phase_of(tab) == "ready")
+            begin = looked = time.monotonic()
+            while (now := time.monotonic()) - begin < 60.0 * MINUTES and soak.exit_code is None:
+                runs += wind_on(tab)
+                tab.page.wait_for_timeout(500)
+                if now - looked < LOOK_S:
+                    continue
+                looked, passed = now, now - begin
+                for name, used in soak.memory().items():
+                    memory[name].append((passed, used))
+                if passed >= SETTLED_S:
+                    files.append((soak.shared(), soak.logs()))
+            assert tab.complaints == []
+        assert soak.exit_code is None, soak.printed
     finally:
         soak.end()
-    runs = soak.printed.count("a run is over")
     print(f"{(time.monotonic() - begin) / 60.0:.1f} min of winding, {runs} runs")
     grown = {}
     for name, looks in memory.items():

@@ -3,18 +3,14 @@
 import contextlib
 import signal
 import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import psutil
 
-PATIENCE = 240.0
-# Kernels may have to be compiled on a busy machine.
-_FIRST_START = 500.0
+from processes import COMMAND, PATIENCE, free_port
+
 NAMESPACE = "attended"
 
 
@@ -48,27 +44,19 @@ class AttendedRun:
 
 
 @contextlib.contextmanager
-def attended_run(serving: Any, folder: Path, *options: str) -> Iterator[AttendedRun]:
+def attended_run(folder: Path, *options: str) -> Iterator[AttendedRun]:
     """Run case 4 as an operator conducts it, from the moment its page is served."""
-    port = serving.free_port()
+    port = free_port()
     process = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--dashboard",
-         "--dashboard-port", str(port), "--output", str(folder), *options],
-        stdout=subprocess.PIPE, text=True, env=serving.environment(),
+        [*COMMAND, "run", "--case", "4", "--dashboard", "--dashboard-port",
+         str(port), "--output", str(folder), *options],
+        stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     try:
-        serving.wait_for_line(process, "operator's page: http://127.0.0.1:", _FIRST_START)
+        assert process.stdout is not None
+        assert any("operator's page: http://127.0.0.1:" in line for line in process.stdout)
         yield AttendedRun(url=f"http://127.0.0.1:{port}/", folder=folder, process=process)
     finally:
         if process.poll() is None:
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=PATIENCE)
-
-
-def until(reached: Callable[[], Any]) -> Any:
-    """Return the first value that counts as true."""
-    end = time.monotonic() + PATIENCE
-    while not (value := reached()):
-        assert time.monotonic() < end
-        time.sleep(0.05)
-    return value

@@ -2,21 +2,18 @@
 
 import os
 import resource
-import select
 import socket
 import subprocess
 import sys
 import threading
 import time
-import urllib.request
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 from browser_tab import Tab
 from chromium import chromium
@@ -24,17 +21,14 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from processes import COMMAND, PATIENCE, Served, serving
 from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import decode_joint_state
 
-# Test modules are imported by path, without packages: their neighbours are found from here.
-sys.path.insert(0, str(Path(__file__).parent))
-
-# First starts compile kernels on a busy machine.
-PATIENCE = 240.0
 SIZES = {"desk": (1280, 800), "phone": (390, 844)}
 NAMESPACE = "operated"
+HERE = Path(__file__).parent
 
 
 class Motion:
@@ -100,76 +94,30 @@ class Operated:
     """A graph that stands, and the page that commands it."""
 
     url: str
-    server: psutil.Process
     motion: Motion
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
-def wait_for_line(process: "subprocess.Popen[str]", text: str, patience: float = PATIENCE) -> None:
-    end = time.monotonic() + patience
-    while time.monotonic() < end:
-        assert process.stdout is not None
-        if select.select([process.stdout], [], [], 0.5)[0] and text in process.stdout.readline():
-            return
-        assert process.poll() is None, f"ended with {process.returncode} before it printed {text}"
-    pytest.fail(f"did not print {text} in {patience:g} s")
-
-
-def wait_for_page(url: str) -> None:
-    end = time.monotonic() + PATIENCE
-    while time.monotonic() < end:
-        try:
-            urllib.request.urlopen(url, timeout=5.0).read()
-        except OSError:
-            time.sleep(0.1)
-        else:
-            return
-    pytest.fail(f"no page at {url} in {PATIENCE:g} s")
-
-
-def half_open(crowd: ExitStack, port: int, opening: bytes) -> None:
-    """Begin as many requests as a crowd has connections, and go no further."""
-    for _ in range(CROWD):
-        connection = crowd.enter_context(socket.create_connection(("127.0.0.1", port)))
-        connection.sendall(opening)
-
-
-class Serving:
-    """What starts a command that serves a page."""
-
-    half_open = staticmethod(half_open)
-
-    free_port = staticmethod(free_port)
-    wait_for_line = staticmethod(wait_for_line)
-    wait_for_page = staticmethod(wait_for_page)
-
-    @staticmethod
-    def environment() -> dict[str, str]:
-        """Return the environment of the commands."""
-        return dict(os.environ)
 
 
 CROWD = 1200
 
 
+class Crowd(ExitStack):
+    """Connections that are closed with it."""
+
+    def half_open(self, port: int, opening: bytes) -> None:
+        """Begin as many requests as a crowd has connections, and go no further."""
+        for _ in range(CROWD):
+            connection = self.enter_context(socket.create_connection(("127.0.0.1", port)))
+            connection.sendall(opening)
+
+
 @pytest.fixture(scope="module")
-def crowd() -> Iterator[ExitStack]:
+def crowd() -> Iterator[Crowd]:
     """Let this process hold a crowd's connections."""
     limits = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (max(limits[0], 2 * CROWD + 500), limits[1]))
-    with ExitStack() as stack:
-        yield stack
+    with Crowd() as crowd:
+        yield crowd
     resource.setrlimit(resource.RLIMIT_NOFILE, limits)
-
-
-@pytest.fixture(scope="session")
-def serving() -> type[Serving]:
-    return Serving
 
 
 @pytest.fixture(scope="module")
@@ -194,75 +142,33 @@ def pictures(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def duration(request: pytest.FixtureRequest) -> float:
-    """Simulated length of the run [s]."""
-    return float(getattr(request, "param", 60.0))
-
-
-@pytest.fixture(scope="module")
-def operated(tmp_path_factory: pytest.TempPathFactory, duration: float) -> Iterator[Operated]:
+def operated(
+    tmp_path_factory: pytest.TempPathFactory, motion_of: Callable[[str], Motion]
+) -> Iterator[Operated]:
     folder = tmp_path_factory.mktemp("operated")
-    port = free_port()
-    environment = {**Serving.environment(), "ROS_LOG_DIR": str(folder)}
-    graph = subprocess.Popen(
-        [sys.executable, str(Path(__file__).parent / "standing_graph.py"), NAMESPACE, "4",
-         str(duration), str(folder)],
-        stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment,
-    )  # fmt: skip
-    page = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "dashboard", "--namespace", NAMESPACE,
-         "--port", str(port)],
-        env=environment,
-    )  # fmt: skip
-    motion = Motion(NAMESPACE)
-    try:
-        wait_for_line(graph, "READY")
-        url = f"http://127.0.0.1:{port}/"
-        wait_for_page(url)
-        yield Operated(url=url, server=psutil.Process(page.pid), motion=motion)
-    finally:
-        motion.close()
-        page.terminate()
-        page.wait(30.0)
-        assert graph.stdin is not None
-        graph.stdin.close()
-        graph.wait(60.0)
-
-
-@dataclass(frozen=True, kw_only=True)
-class ControlledPage:
-    """The page of a made-up run, and its server."""
-
-    url: str
-    process: "subprocess.Popen[str]"
-
-
-@contextmanager
-def made_up_page(*arguments: str) -> Iterator[ControlledPage]:
-    """Serve controlled_page.py until the end of the body."""
-    port = free_port()
-    process = subprocess.Popen(
-        [sys.executable, str(Path(__file__).parent / "controlled_page.py"), str(port), *arguments],
-        stdout=subprocess.PIPE, text=True, env=Serving.environment(),
-    )  # fmt: skip
-    try:
-        url = f"http://127.0.0.1:{port}/"
-        wait_for_page(url)
-        yield ControlledPage(url=url, process=process)
-    finally:
-        process.terminate()
-        process.wait(30.0)
+    environment = {**os.environ, "ROS_LOG_DIR": str(folder)}
+    words = (*COMMAND, "dashboard", "--namespace", NAMESPACE, "--port")
+    with (
+        subprocess.Popen(
+            [sys.executable, HERE / "standing_graph.py", NAMESPACE, folder],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment,
+        ) as graph,
+        serving(*words, env=environment) as page,
+    ):  # fmt: skip
+        assert graph.stdout is not None
+        assert graph.stdout.readline() == "READY\n"
+        yield Operated(url=page.url, motion=motion_of(NAMESPACE))
 
 
 @pytest.fixture(scope="module")
-def controlled_page() -> Iterator[ControlledPage]:
-    with made_up_page() as page:
+def controlled_page() -> Iterator[Served]:
+    with serving(sys.executable, HERE / "controlled_page.py") as page:
         yield page
 
 
 @pytest.fixture
-def standing_page() -> Iterator[ControlledPage]:
-    with made_up_page("standing") as page:
+def standing_page() -> Iterator[Served]:
+    with serving(sys.executable, HERE / "controlled_page.py", "standing") as page:
         yield page
 
 

@@ -1,7 +1,7 @@
-"""Serve the page of a made-up controlled run, whose graph does as it is told, without ROS.
+"""Serve the page of a made-up controlled run, without ROS; its graph carries out what is asked.
 
 python controlled_page.py PORT serves the page until it is ended; the commands it gets are printed.
-With `standing` behind it the machine stands, and another condition can be prepared.
+With `standing` before PORT the machine stands, and another condition can be prepared.
 """
 
 import asyncio
@@ -10,12 +10,8 @@ import sys
 import time
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from pathlib import Path
 
 import numpy as np
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from simulated_page import Machine, fresh_state, phase, served, wound
 
 from winding_core.cable.condition import Condition
@@ -113,7 +109,7 @@ class Controlled(Machine):
         for mode, name in commands.LAY_CONTROL.items():
             if name == command:
                 self.mode = mode
-        print(f"told {command}", flush=True)
+        print(f"asked {command}", flush=True)
         return answer
 
     async def record(self, on: bool) -> str:
@@ -154,4 +150,4 @@ def main(port: int, *, standing: bool) -> None:
 
 
 if __name__ == "__main__":
-    main(int(sys.argv[1]), standing="standing" in sys.argv)
+    main(int(sys.argv[-1]), standing="standing" in sys.argv)

@@ -33,7 +33,7 @@ OWN_FIELDS = {
 
 
 class Machine:
-    """A graph that does as it is told, or refuses with a sentence."""
+    """A graph that carries out what it is asked, or refuses with a sentence."""
 
     def __init__(self, *, missing: str = "", refusal: str = "", unrecorded: str = "") -> None:
         self.missing, self.refusal = missing, refusal

@@ -1,6 +1,6 @@
-"""Bring a real graph of processes up and let it stand until it is told to end.
+"""Bring a real graph of processes up and let it stand until it is asked to end.
 
-python standing_graph.py NAMESPACE CASE DURATION DIRECTORY prints READY when all nodes are active.
+python standing_graph.py NAMESPACE DIRECTORY prints READY when all nodes are active.
 It ends when its standard input is closed.
 """
 
@@ -14,11 +14,11 @@ from winding_ros.graph import GRAPH, pace_topics
 from winding_supervisor.processes.orchestrator import GraphConfig, Orchestrator
 
 
-async def stand(namespace: str, case: int, duration: float, directory: Path) -> None:
+async def stand(namespace: str, directory: Path) -> None:
     client = AsyncClient(namespace)
     client.start()
     parameters: dict[str, dict[str, object]] = {
-        spec.name: {"case": case, "duration": duration} for spec in GRAPH
+        spec.name: {"case": 4, "duration": 60.0} for spec in GRAPH
     }
     paced = [topic.name for topic in pace_topics() if topic is not topics.RECORDER_PROGRESS]
     parameters[topics.RIG]["pace_topics"] = ",".join(paced)
@@ -36,4 +36,4 @@ async def stand(namespace: str, case: int, duration: float, directory: Path) -> 
 
 
 if __name__ == "__main__":
-    asyncio.run(stand(sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), Path(sys.argv[4])))
+    asyncio.run(stand(sys.argv[1], Path(sys.argv[2])))

@@ -4,7 +4,6 @@ import asyncio
 import os
 import re
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ import httpx
 import pytest
 from rcl_interfaces.srv import GetParameters, ListParameters
 
+from processes import COMMAND, free_port
 from winding_core.parameters import ParameterError
 from winding_dashboard.ros.parameters import TOKEN_VARIABLE, DashboardParameters
 from winding_dashboard.web.access import COOKIE, Gate
@@ -133,14 +133,12 @@ def status_of(url: str) -> int:
 
 @pytest.mark.processes
 @pytest.mark.slow
-def test_the_token_shows_neither_in_ps_nor_among_the_parameters(
-    serving: Any, ros: Any, tmp_path: Path
-) -> None:
-    file, port = tmp_path / "token", serving.free_port()
+def test_the_token_shows_neither_in_ps_nor_among_the_parameters(ros: Any, tmp_path: Path) -> None:
+    file, port = tmp_path / "token", free_port()
     file.touch(0o600)
     file.write_text(TOKEN)
     words = ["dashboard", "--namespace", "kept", "--port", str(port), "--token-file", str(file)]
-    page = subprocess.Popen([sys.executable, "-m", "winding_cli.cli", *words])
+    page = subprocess.Popen([*COMMAND, *words])
     try:
         node = ros.plain("reader")
         listed = ros.call(node, ListParameters, "/kept/dashboard/list_parameters",

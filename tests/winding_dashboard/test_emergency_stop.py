@@ -17,7 +17,7 @@ pytestmark = [pytest.mark.slow]
 QUESTIONS = """
 Object.fromEntries([...document.querySelectorAll('dialog')].map(d => [actionOf(d), d.id]))
 """
-TOLD = b"told emergency_stop"
+ASKED = b"asked emergency_stop"
 # Whether the middle of a button is the button, and not something that covers it.
 UNCOVERED = """
 id => {
@@ -48,7 +48,7 @@ def asked(tab: Any, name: str) -> None:
 def stopped(page: Any) -> None:
     """Wait until the graph behind a page is asked for an emergency stop; forget what came then."""
     output, heard = page.process.stdout.fileno(), b""
-    while TOLD not in heard:
+    while ASKED not in heard:
         assert select.select([output], [], [], TAB_PATIENCE)[0], heard
         heard += os.read(output, 65536)
 
@@ -147,7 +147,7 @@ def test_stop_of_an_offline_page_says_that_it_is_not_answered(
 @pytest.mark.parametrize("where", ["desk", "phone"])
 @pytest.mark.parametrize("means", ["mouse", "keyboard"])
 def test_the_machine_stops_from_every_state_of_the_page(
-    operated: Any, new_tab: Callable[[str, str], Any], serving: Any, crowd: Any,
+    operated: Any, new_tab: Callable[[str, str], Any], crowd: Any,
     where: str, means: str,
 ) -> None:  # fmt: skip
     offline = new_tab("phone", operated.url)
@@ -162,7 +162,7 @@ def test_the_machine_stops_from_every_state_of_the_page(
         operated.motion.reach("winding", tab.page)
         if state == "crowd":
             port = int(operated.url.rsplit(":", 1)[1].strip("/"))
-            serving.half_open(crowd, port, b"POST /command/stop HTTP/1.1\r\nhost: 127.0.0.1\r\n")
+            crowd.half_open(port, b"POST /command/stop HTTP/1.1\r\nhost: 127.0.0.1\r\n")
         elif state:
             tab.page.evaluate("id => byId(id).show()", state)
             assert tab.measured(f"byId('{state}').open")

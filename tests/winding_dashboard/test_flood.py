@@ -2,15 +2,14 @@
 
 import asyncio
 import http.client
-import subprocess
 import sys
 from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from processes import serving
 from winding_dashboard.web.connections import Bounds, Connections
 
 pytestmark = pytest.mark.timeout(600)
@@ -146,23 +145,15 @@ def test_silent_connection_is_cut_and_one_that_still_takes_an_answer_is_not() ->
 
 
 @pytest.fixture
-def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]]:
+def crowded(crowd: Any) -> Callable[[bytes], tuple[int, Any]]:
     """Serve the page of a made-up run to a crowd that begins a request and goes no further."""
 
     def serve(opening: bytes) -> tuple[int, Any]:
-        port = serving.free_port()
-        page = crowd.enter_context(
-            subprocess.Popen(
-                ["sh", "-c", f'ulimit -n {FILES}; exec "$@"', "sh", sys.executable,
-                 str(Path(__file__).parent / "controlled_page.py"), str(port)],
-                stdout=subprocess.PIPE,
-                text=True,
-            )
-        )  # fmt: skip
-        crowd.callback(page.terminate)
-        serving.wait_for_page(f"http://127.0.0.1:{port}/")
-        serving.half_open(crowd, port, opening)
-        return port, page
+        words = ("sh", "-c", f'ulimit -n {FILES}; exec "$@"', "sh", sys.executable)
+        page = crowd.enter_context(serving(*words, Path(__file__).parent / "controlled_page.py"))
+        port = int(page.url.rsplit(":", 1)[1].strip("/"))
+        crowd.half_open(port, opening)
+        return port, page.process
 
     return serve
 
@@ -179,7 +170,7 @@ def crowded(serving: Any, crowd: ExitStack) -> Callable[[bytes], tuple[int, Any]
     ids=["half headers", "half bodies", "nothing"],
 )
 def test_a_crowd_of_half_open_connections_keeps_no_stop_out(
-    crowded: Any, crowd: ExitStack, opening: bytes
+    crowded: Any, crowd: Any, opening: bytes
 ) -> None:
     port, page = crowded(opening)
     asked = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
@@ -187,7 +178,7 @@ def test_a_crowd_of_half_open_connections_keeps_no_stop_out(
     head = {"Content-Type": "application/json"}
     asked.request("POST", "/command/emergency_stop", body="{}", headers=head)
     assert asked.getresponse().status == 200
-    assert page.stdout.readline() == "told emergency_stop\n"
+    assert page.stdout.readline() == "asked emergency_stop\n"
     opened = len(list(Path(f"/proc/{page.pid}/fd").iterdir()))
     assert opened < FILES // 2
     asked.close()
@@ -207,5 +198,5 @@ def test_a_browser_stops_the_machine_through_a_crowd(crowded: Any, browser: Any,
     else:
         stop.focus()
         tab.keyboard.press("Enter")
-    assert page.stdout.readline() == "told emergency_stop\n"
+    assert page.stdout.readline() == "asked emergency_stop\n"
     tab.close()

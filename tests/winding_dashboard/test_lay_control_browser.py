@@ -44,13 +44,13 @@ def test_layers_of_a_drum_are_unrolled(controlled_page: Any, new_tab: Any, pictu
     chart.screenshot(path=str(pictures / "layers.png"))
 
 
-def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any, serving: Any) -> None:
+def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any) -> None:
     tab = new_tab("desk", controlled_page.url)
     tab.wait_for(DRAWN)
     panel = tab.page.get_by_role("region", name="Lay control: wanted, predicted and measured lay")
     panel.get_by_role("button", name="Watch").click()
     tab.answer("Switch to watch")
-    serving.wait_for_line(controlled_page.process, "told lay_control_watch")
+    assert controlled_page.process.stdout.readline() == "asked lay_control_watch\n"
     tab.answered("lay control: done")
     tab.wait_for(
         "document.querySelector('.control').innerText"

@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from attended_run import NAMESPACE, AttendedRun, attended_run, until
+from attended_run import NAMESPACE, AttendedRun, attended_run
 
+from processes import until
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_recorder.bags.description import PARAMETERS
@@ -30,10 +31,10 @@ FULL_SPEED = 1.74 * 0.97
 
 
 @pytest.fixture(scope="module")
-def run(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[AttendedRun]:
+def run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[AttendedRun]:
     folder = tmp_path_factory.mktemp("operated") / "run"
     options = ("--namespace", NAMESPACE, "--duration-s", DURATION, "--speed", str(SPEED))
-    with attended_run(serving, folder, *options) as attended:
+    with attended_run(folder, *options) as attended:
         yield attended
 
 
@@ -57,7 +58,14 @@ def recording(desk: Any) -> Any:
 
 def test_machine_waits_for_its_operator(desk: Any, motion: Any) -> None:
     desk.phase("ready")
-    desk.can("Start")
+    for name in ("Start", "Stop", "Reset", "EMERGENCY STOP"):
+        desk.can(name)
+    desk.page.locator("body").focus()
+    reached = set()
+    for _ in range(12):
+        desk.page.keyboard.press("Tab")
+        reached.add(desk.page.evaluate("document.activeElement.innerText"))
+    assert {"Stop", "EMERGENCY STOP"} <= reached
     assert motion.samples[-1][1] == 0.0
 
 
@@ -144,6 +152,7 @@ def test_recording_again_goes_into_another_bag(
         tab.shoot(pictures, f"operated-{name}")
         assert tab.misfits() == []
         assert tab.complaints == []
+        assert tab.strangers(run.url) == []
     phone.page.close()
 
 
@@ -181,13 +190,21 @@ def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: AttendedRun, motion
     desk.button("Stop").click()
     desk.phase("stopped")
     setup(desk).get_by_label("Case").select_option("5")
+    setup(desk).get_by_label("Material law").select_option("neo_hookean")
     setup(desk).get_by_role("button", name="Prepare").click()
     desk.answer("Prepare")
     desk.answered("ready to wind case 5")
+    desk.wait_for(
+        "[...document.querySelectorAll('.nodes tbody tr')].slice(0, 4)"
+        ".every(row => row.innerText.includes('active'))"
+    )
     desk.button("Start").click()
     desk.phase("winding")
     until(lambda: motion.samples[-1][1] > FULL_SPEED)
     recording(desk).get_by_text(re.compile("into bag-4: ")).wait_for()
+    # The lay is that of case 5, whose marker spacing is 100 mm.
+    desk.wait_for("document.querySelectorAll('.camera polygon').length > 0")
+    desk.wait_for("parseFloat(document.querySelector('#markers td.measured').innerText) > 90")
     assert check(run.folder / "bag-3").findings == []
     assert desk.complaints == []
 

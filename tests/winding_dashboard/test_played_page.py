@@ -2,11 +2,12 @@
 
 import json
 import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
+
+from processes import COMMAND, serving
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.slow]
 
@@ -14,18 +15,9 @@ MARKERS = "[...document.querySelectorAll('#markers tbody tr')].map(r => r.innerT
 
 
 @pytest.fixture
-def page_url(serving: Any) -> Iterator[str]:
-    port = serving.free_port()
-    page = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "dashboard", "--port", str(port)],
-        env=serving.environment(),
-    )
-    try:
-        serving.wait_for_page(url := f"http://127.0.0.1:{port}/")
-        yield url
-    finally:
-        page.terminate()
-        page.wait(30.0)
+def page_url() -> Iterator[str]:
+    with serving(*COMMAND, "dashboard", "--port") as page:
+        yield page.url
 
 
 def test_a_played_bag_looks_like_playback(
@@ -33,9 +25,7 @@ def test_a_played_bag_looks_like_playback(
 ) -> None:
     desk = new_tab("desk", page_url)
     desk.phase("no data")
-    player = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag)]
-    )
+    player = subprocess.Popen([*COMMAND, "bag", "play", str(recorded_run.bag)])
     try:
         desk.phase("playback")
         desk.wait_for("parseFloat(document.querySelector('#clock').innerText) > 0.3")
@@ -70,9 +60,8 @@ def test_slider_pauses_a_played_bag_and_goes_to_a_place(
 ) -> None:
     tab = new_tab("phone", page_url)
     player = subprocess.Popen(
-        [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(recorded_run.bag), "--loop",
-         "--rate", "0.5"]
-    )  # fmt: skip
+        [*COMMAND, "bag", "play", str(recorded_run.bag), "--loop", "--rate", "0.5"]
+    )
     try:
         slider = tab.page.get_by_label("Place in the recording, s")
         slider.wait_for()

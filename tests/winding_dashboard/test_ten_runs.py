@@ -24,10 +24,10 @@ ROWS = "document.querySelectorAll('#runs tbody th').length"
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory, serving: Any) -> Iterator[AttendedRun]:
+def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[AttendedRun]:
     folder = tmp_path_factory.mktemp("session") / "runs"
     options = ("--namespace", NAMESPACE, "--duration-s", "5")
-    with attended_run(serving, folder, *options) as attended:
+    with attended_run(folder, *options) as attended:
         yield attended
 
 

@@ -19,6 +19,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from rclpy.node import Node
 from std_srvs.srv import Trigger
 
+from processes import free_port, in_namespace
 from winding_core.status import Level, Status
 from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
@@ -39,9 +40,7 @@ class Machine:
             source = source.replace(old, new)
         script = folder / "machine.py"
         script.write_text(source, encoding="utf-8")
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port = free.getsockname()[1]
+        self.port = free_port()
         self._record = folder / "record.txt"
         arguments = ["--port", self.port, "--record", self._record, *options]
         self._calls = folder / "calls.txt"
@@ -263,7 +262,7 @@ def driver(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
         file.write_text(yaml.safe_dump(mapping), encoding="utf-8")
         command = [sys.executable, "-m", "winding_plc_driver", "--mapping", str(file)]
         process = subprocess.Popen(
-            [*command, "--ros-args", "-r", "__ns:=/winding"],
+            [*command, *in_namespace("winding")],
             env=os.environ | (environment or {}),
             stderr=subprocess.PIPE,
             text=True,

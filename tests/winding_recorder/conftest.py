@@ -1,13 +1,9 @@
 """Recordings that tests look at, and copies that they harm."""
 
 import shutil
-import sys
 from pathlib import Path
 
 import pytest
-
-sys.path.insert(0, str(Path(__file__).parent))
-
 from made_bags import Bags
 
 

@@ -2,7 +2,6 @@
 
 import os
 import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
@@ -13,10 +12,12 @@ import pytest
 from rcl_interfaces.srv import SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
+from recordings import recorded
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import PointCloud2
 from std_srvs.srv import SetBool, Trigger
 
+from processes import COMMAND
 from winding_recorder.bags.description import BagError, StoredMessage, jazzy_channel
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.reading import messages_of, opened
@@ -41,12 +42,6 @@ def position(place: float) -> SetParametersAtomically.Request:
 
 def renamed(topic: Topic) -> Topic:
     return replace(topic, name=f"/winding/{topic.name}")
-
-
-def recorded(bag: Path, topic: str) -> list[bytes]:
-    with opened(bag) as reader:
-        links = [link for link in reader.connections if link.topic == topic]
-        return [data for _, _, data in messages_of(reader, links)]
 
 
 @pytest.fixture
@@ -77,9 +72,9 @@ def test_the_command_publishes_the_recorded_bytes_in_order(ros: Any, made: Path)
     caller, node = ros.plain("caller"), ros.plain("listener_host")
     ros.executor.remove_node(node)
     polled = PolledTopic(node, renamed(topics.JOINT_STATES))
-    command = [sys.executable, "-m", "winding_cli.cli", "bag", "play", str(made)]
     with subprocess.Popen(
-        [*command, "--rate", "2", "--start-paused", "--domain", os.environ["ROS_DOMAIN_ID"]],
+        [*COMMAND, "bag", "play", str(made), "--rate", "2", "--start-paused",
+         "--domain", os.environ["ROS_DOMAIN_ID"]],
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     ) as process:  # fmt: skip
         # Held until this side knows it: on a busy machine discovery takes its time.

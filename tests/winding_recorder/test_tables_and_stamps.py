@@ -9,16 +9,20 @@ import pyarrow.parquet
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from made_bags import READING
+from made_bags import READING, channel_of
+from rclpy.serialization import serialize_message
 
 from winding_core.history import History
-from winding_recorder.bags.check import rhythm, stamp_findings
-from winding_recorder.bags.description import BagError
+from winding_recorder.bags.check import check, rhythm, stamp_findings
+from winding_recorder.bags.description import COMPLETE, LOST, YES, BagError, StoredMessage
+from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.tables import export
+from winding_recorder.bags.writer import BagWriter
 from winding_recorder.live.bag_series import LossCount
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer, StampRuns
 from winding_recorder.playback.player import Pacing
 from winding_ros import topics
+from winding_ros.messages.diagnostics import encode_case_votes
 from winding_ros.messages.rig import encode_joint_state
 
 MS = 1_000_000
@@ -250,3 +254,17 @@ def test_the_newest_axis_reading_is_the_last_usable_one(invalid: int) -> None:
     newest = buffer.newest_axis_reading()
     assert newest is not None
     assert newest[0] == pytest.approx(0.099)
+
+
+@pytest.mark.parametrize("times", [(6, 3, 4), (6, 3, 2)])
+def test_only_a_latched_message_from_before_a_bag_may_be_of_a_later_time(
+    times: tuple[int, ...], tmp_path: Path
+) -> None:
+    channel = channel_of(topics.CORRECTION_CASE)
+    writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
+    for arrived, t in enumerate(times):
+        data = serialize_message(encode_case_votes(t, {}))
+        writer.write(0, StoredMessage(data, arrived, t * 10**9))
+    writer.close({COMPLETE: YES, f"{LOST}{channel.name}": "0"})
+    found = f"{channel.name}: time goes back 1 times, first after 3.000000 s"
+    assert check(tmp_path / "bag").findings == ([found] if times[-1] < 3 else [])

@@ -16,7 +16,6 @@ import pytest
 import yaml
 from made_bags import storage_file
 from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
@@ -75,14 +74,6 @@ def test_a_longer_message_has_a_chunk_of_its_own(bags: Any, tmp_path: Path) -> N
 
 def test_every_chunk_has_its_crc_and_so_has_the_data_section(made: Path) -> None:
     assert check(made).remarks == []
-
-
-def test_another_ros_decoder_reads_every_message(made: Path) -> None:
-    file = storage_file(made)
-    with file.open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        assert reader.get_header().profile == "ros2"
-        assert sum(1 for _ in reader.iter_decoded_messages()) == sum(COUNTS.values())
 
 
 def test_a_sqlite_recording_is_read_and_whole(bags: Any, made: Path, tmp_path: Path) -> None:

@@ -420,7 +420,7 @@ def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(
     monkeypatch.setattr("winding_rig_node.ros.hosted_camera._ATTEMPTS", 1)
     probe = ros.plain()
     with (
-        pytest.raises(SilentRigError, match="winding_rig does not say within"),
+        pytest.raises(SilentRigError, match="winding_rig has not reported its parameters within"),
         open_camera(Port(ros.context)),
     ):
         pytest.fail("opened")

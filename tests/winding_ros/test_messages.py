@@ -131,6 +131,11 @@ def decode_corrected(message: Any) -> Any:
         (decode_image, image(encoding="yuv422"), "must be one of bgr8, rgb8, .*, got 'yuv422'"),
         (decode_image, image(height=3), "needs 18 bytes, got 12"),
         (decode_camera_info, CameraInfo(), r"not calibrated: camera_info has K\[0\] = 0"),
+        (decode_camera_info,
+         CameraInfo(k=[1.0] * 9, d=[0.0] * 8, distortion_model="plumb_bob"),
+         "plumb_bob has 5 coefficients, got 8"),
+        *((decode_case_votes, encode_case_votes(0.0, {1: share}), "share of votes lies in 0 to 1")
+          for share in (math.nan, math.inf, -0.1, 1.5)),
         (decode_corrected, encode_cloud(0.0, np.zeros(1, dtype=MARKER_DTYPE)),
          "needs a field s_fem of type float64"),
         (decode_line_width,

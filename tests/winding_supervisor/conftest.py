@@ -1,17 +1,12 @@
 """What the machines of these tests are to come to."""
 
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import paper_case
-
-# Test modules are imported by path, without packages: their neighbours are found from here.
-sys.path.insert(0, str(Path(__file__).parent))
 
 # What the load cells of the example drivers say [N].
 PULL = 1.96

@@ -2,12 +2,10 @@
 
 import queue
 import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -96,22 +94,3 @@ def run_cell(new_cell: Callable[[], SensorCell]) -> SensorCell:
         thread.join()
     rclpy.try_shutdown()
     return cell
-
-
-@contextmanager
-def running(*words: object, namespace: str) -> Iterator[None]:
-    """Run a cell's script in a process; the body begins when it is ready."""
-    process = subprocess.Popen(
-        [sys.executable, *map(str, words), "--ros-args", "-r", f"__ns:=/{namespace}"],
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    assert process.stderr is not None
-    try:
-        assert any("ready" in line for line in process.stderr)
-        yield
-        process.terminate()
-        assert process.wait(timeout=60) == 0
-    finally:
-        process.kill()
-        process.wait()

@@ -1,9 +1,6 @@
 """Every driver that passes `winding conform` is enough for a run, whatever its style."""
 
 import json
-import socket
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -12,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from processes import free_port, in_namespace, running
 from winding_recorder.bags.check import check
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
@@ -19,7 +17,7 @@ pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(9
 EXAMPLES = Path(__file__).parents[2] / "examples"
 CELL = Path(__file__).with_name("camera_cell.py")
 NAMESPACE = "driven"
-IN_NAMESPACE = ("--ros-args", "-r", f"__ns:=/{NAMESPACE}")
+IN_NAMESPACE = in_namespace(NAMESPACE)
 # P1 of case 4 has landed by then, and P2 has not [s].
 DURATION = 5
 # What the solver predicts of the example drivers' pull, within the specification's 0.05 %, and what
@@ -42,9 +40,7 @@ class Style:
 
 
 def behind_a_plc(folder: Path) -> list[list[object]]:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
+    port = free_port()
     mapping = (EXAMPLES / "opcua_machine.yaml").read_text(encoding="utf-8")
     (folder / "machine.yaml").write_text(mapping.replace("4840", str(port)), encoding="utf-8")
     return [
@@ -69,18 +65,9 @@ STYLES = {
 @pytest.fixture(params=STYLES.values(), ids=STYLES.keys())
 def style(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Style]:
     """A driver that is ready, with all that it needs."""
-    with ExitStack() as running:
+    with ExitStack() as started:
         for command in request.param.commands(tmp_path):
-            process = subprocess.Popen(
-                [sys.executable, *map(str, command)],
-                stdout=subprocess.PIPE,
-                stderr=subprocess.STDOUT,
-                text=True,
-            )
-            running.callback(process.wait)
-            running.callback(process.kill)
-            assert process.stdout is not None
-            assert any("ready" in line for line in process.stdout)
+            started.enter_context(running(*command, ready="ready"))
         yield request.param
 
 

@@ -10,16 +10,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.serialization import deserialize_message
-from sensor_cell import running
+from recordings import recorded
 
 from lay_control_node.ros.parameters import LayControlParameters
+from processes import in_namespace, running
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
-from winding_recorder.bags.reading import messages_of, opened
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.diagnostics import decode_diagnostics
-from winding_ros.topic import Topic
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
 
@@ -54,7 +54,7 @@ class Wound:
 @pytest.fixture
 def cell(request: pytest.FixtureRequest) -> Iterator[None]:
     """Run a cell that differs from the ideal one as the test asks."""
-    with running(CELL, json.dumps(request.param), namespace=NAMESPACE):
+    with running(CELL, json.dumps(request.param), *in_namespace(NAMESPACE), ready="ready"):
         yield
 
 
@@ -147,13 +147,14 @@ def test_a_length_that_the_clock_falsifies_is_published_under_the_warning(
     assert wound.code == 0, wound.output
     warned = [
         t
-        for t, statuses in map(decode_diagnostics, recorded(tmp_path / "bag", topics.DIAGNOSTICS))
+        for data in recorded(tmp_path / "bag", topics.DIAGNOSTICS.name)
+        for t, statuses in [decode_diagnostics(deserialize_message(data, DiagnosticArray))]
         if any("lengths may be wrong" in status.message for status in statuses)
     ]
     offset = request.node.callspec.params["cell"]["camera_offset"]
     wrong = [
         t - offset
-        for cloud in recorded(tmp_path / "bag", topics.TRACKED_MARKERS)
+        for cloud in recorded(tmp_path / "bag", topics.TRACKED_MARKERS.name)
         for t, markers in [decode_cloud(cloud, MARKER_DTYPE)]
         for marker in markers[(markers["flags"] & UNSEEN) == 0]
         if marker["id"] in (1, 2)
@@ -162,13 +163,6 @@ def test_a_length_that_the_clock_falsifies_is_published_under_the_warning(
     # A length is published after its frame's exposure.
     assert warned
     assert not wrong or min(warned) < min(wrong)
-
-
-def recorded(bag: Path, topic: Topic) -> list[Any]:
-    """Return a topic's messages in a bag."""
-    with opened(bag) as reader:
-        links = [link for link in reader.connections if link.topic.endswith(topic.name)]
-        return [deserialize_message(data, topic.type) for _, _, data in messages_of(reader, links)]
 
 
 @pytest.mark.parametrize("cell", [{"frame_rate": 0.0, "joint_rate": 100.0}], indirect=True, ids=str)
@@ -181,8 +175,8 @@ def test_a_camera_in_the_trackers_process_hands_its_frames_over(
     bag = tmp_path / "bag"
     wound = wind("--duration-s", 7, "--bag", bag, "--compose", f"{camera}:open_camera")
     assert wound.code == 0, wound.output
-    frames = len(recorded(bag, topics.CAMERA_INFO))
-    assert len(recorded(bag, topics.TRACKED_MARKERS)) == frames > 700
+    frames = len(recorded(bag, topics.CAMERA_INFO.name))
+    assert len(recorded(bag, topics.TRACKED_MARKERS.name)) == frames > 700
     assert wound.lengths[0] == pytest.approx(MEASURED[0], rel=NEAR)
 
 
@@ -191,9 +185,9 @@ def test_markers_of_another_cell_land_on_the_wanted_helix(
     seed: int, tmp_path: Path, command: Callable[..., Any]
 ) -> None:
     truth = tmp_path / "truth.json"
-    with running(COMMANDED_CELL, seed, truth, namespace="cell"):
+    with running(COMMANDED_CELL, seed, truth, *in_namespace(NAMESPACE), ready="ready"):
         done = command(
-            *("run", "--case", 4, "--machine", "external", "--namespace", "cell"),
+            *("run", "--case", 4, "--machine", "external", "--namespace", NAMESPACE),
             *("--cylinder-joint", "spindle", "--carriage-joint", "slide"),
             *("--carriage-scale", -0.001, "--control", "drive", "--duration-s", 13),
             *("--output", tmp_path / "run"),

@@ -1,15 +1,10 @@
 """`winding run --machine external` with a driver that keeps the tutorial's table and no more."""
 
 import json
-import signal
-import subprocess
-import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 
 pytestmark = [
@@ -79,70 +74,3 @@ def test_a_reversed_axis_is_named_and_what_was_wound_is_kept(
     assert "the cylinder turned backwards" in numbers(tmp_path / "run")["ended"]
     page = (tmp_path / "run" / "report" / "index.html").read_text(encoding="utf-8")
     assert "ended by the machine after" in page
-
-
-SERVE = 'f"rig/{name}", getattr(self, name)'
-RESET = "    def reset(self"
-# It goes on measuring, and never answers while it lives.
-HANG = """\
-    def hang(self, _, response):
-        while not ended.is_set():
-            self.sample()
-        return response
-
-"""
-
-
-@pytest.mark.parametrize(
-    ("driver", "failure"),
-    [
-        (
-            {SERVE: '"rig/" + ("no_" * ("stop" in name)) + name, getattr(self, name)'},
-            "rig/quick_stop has no server; rig/stop has no server",
-        ),
-        (
-            {
-                SERVE: 'f"rig/{name}", self.hang if "stop" in name else getattr(self, name)',
-                RESET: HANG + RESET,
-            },
-            "no answer from rig/quick_stop in 0.8 s; no answer from rig/stop in 0.8 s",
-        ),
-    ],
-    indirect=["driver"],
-    ids=["missing", "hanging"],
-)
-def test_a_stop_that_cannot_be_delivered_ends_the_run(
-    driver: Any, failure: str, tmp_path: Path
-) -> None:
-    errors = tmp_path / "stderr"
-    with errors.open("w", encoding="utf-8") as stderr:
-        run = subprocess.Popen(
-            [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--machine", "external",
-             "--no-camera", "--namespace", driver.namespace, "--duration-s", "60",
-             "--output", str(tmp_path / "run")],
-            stderr=stderr,
-        )  # fmt: skip
-    try:
-        wait_until(lambda: "of 60.00 s" in errors.read_text(encoding="utf-8"))
-        child_of(run.pid, "cable_fem_node").send_signal(signal.SIGKILL)
-        assert run.wait(240.0) == 1
-    finally:
-        run.kill()
-    assert "cable_fem ended with exit code -9" in errors.read_text(encoding="utf-8")
-    outcome = numbers(tmp_path / "run")["outcome"]
-    assert "cable_fem ended with exit code -9" in outcome["cause"]["text"]
-    assert outcome["machine"] == "turning"
-    assert failure in outcome["sentences"][0]
-
-
-def wait_until(reached: Callable[[], Any], patience: float = 240.0) -> Any:
-    end = time.monotonic() + patience
-    while not (value := reached()):
-        assert time.monotonic() < end
-        time.sleep(0.05)
-    return value
-
-
-def child_of(pid: int, package: str) -> psutil.Process:
-    (found,) = (c for c in psutil.Process(pid).children(recursive=True) if package in c.cmdline())
-    return found

@@ -2,9 +2,7 @@
 
 import json
 import signal
-import socket
 import subprocess
-import sys
 import time
 import urllib.error
 import urllib.request
@@ -13,10 +11,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 from std_srvs.srv import Trigger
 
+from processes import COMMAND, PATIENCE, child_of, free_port
 from winding_core.status import MACHINE_STATUS, STATUS, RunPhase
 from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
@@ -34,19 +32,18 @@ REFUSED_ONCE = """        first, self.asked = not hasattr(self, "asked"), True
         response.message = "the door is open" if first else ""
         return response
 """
-PATIENCE = 240.0
+# Of a length [%]: less than the correction leaves of case 4.
+LIMIT = 0.2
 
 
 class ConductedSession:
     """The command, and what a cell's controller hears and asks of it."""
 
     def __init__(self, ros: Any, namespace: str, folder: Path, *options: str) -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self._port = free.getsockname()[1]
+        self._port = free_port()
         self.folder = folder
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "winding_cli.cli", "run", "--case", "4", "--dashboard",
+            [*COMMAND, "run", "--case", "4", "--dashboard",
              "--dashboard-port", str(self._port), "--namespace", namespace,
              "--output", str(folder), *options],
         )  # fmt: skip
@@ -88,9 +85,7 @@ class ConductedSession:
 
     def kill(self, package: str) -> None:
         """Kill a node's process."""
-        children = psutil.Process(self.process.pid).children(recursive=True)
-        (node,) = (child for child in children if package in child.cmdline())
-        node.kill()
+        child_of(self.process, package).kill()
 
     def served(self) -> bool:
         """Return whether the operator's page answers."""
@@ -106,6 +101,16 @@ class ConductedSession:
         with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
             shown: dict[str, Any] = json.load(answer)
         return shown
+
+    def set_limit(self, percent: float) -> None:
+        """Set what counts as good, as an operator does on the page."""
+        seen, limits = self.page(), {"error_limit_pct": percent}
+        body = {"server": seen["server"], "sequence": seen["sequence"], "limits": limits}
+        url = f"http://127.0.0.1:{self._port}/limits"
+        head = {"Content-Type": "application/json"}
+        asked = urllib.request.Request(url, json.dumps(body).encode(), head)
+        with urllib.request.urlopen(asked, timeout=PATIENCE) as answer:
+            assert not json.load(answer)["refused"]
 
     def end(self) -> int:
         """Interrupt the command; return its exit code."""
@@ -139,7 +144,7 @@ def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]
 
 
 @pytest.mark.campaign
-def test_second_run_begins_where_the_machine_stands(
+def test_each_run_begins_where_the_machine_stands_and_has_its_limits(
     session: ConductedSession, predicted_p1: float
 ) -> None:
     session.reach(RunPhase.READY)
@@ -149,6 +154,10 @@ def test_second_run_begins_where_the_machine_stands(
     assert not refused.success
     assert refused.message == "a run is under way; stop the machine first"
     session.reach(RunPhase.OVER)
+    session.until((session.folder / "run.json").exists)
+    session.until(lambda: "the run is over" in session.page()["parts"]["band"])
+    assert float(session.page()["texts"]["clock"].removesuffix(" s")) < 60.0
+    session.set_limit(LIMIT)
     # Between two runs the nodes are not watched.
     session.kill("cable_fem_node")
     assert session.call("orchestrator/next_run").success
@@ -156,10 +165,20 @@ def test_second_run_begins_where_the_machine_stands(
     assert session.call("rig/start").success
     session.reach(RunPhase.UNDER_WAY)
     session.reach(RunPhase.OVER)
+    # A run that is broken off is over as soon as the operator wants the next one.
+    session.until(lambda: session.call("orchestrator/next_run").success)
+    session.reach(RunPhase.READY)
+    assert session.call("rig/start").success
+    session.reach(RunPhase.UNDER_WAY)
+    assert session.call("rig/emergency_stop").success
+    session.until(lambda: session.call("orchestrator/next_run").success)
+    session.reach(RunPhase.READY)
     assert session.end() == 0
-    for number in (1, 2):
-        record = session.record(number)
-        assert record["ended"] is None
+    records = [session.record(number) for number in (1, 2, 3)]
+    assert [record["ended"] for record in records] == [None, None, "reset by the operator"]
+    assert [record["error_verdict"]["limit_pct"] for record in records] == [4.8, LIMIT, LIMIT]
+    assert len({record["identity"]["run_id"] for record in records}) == 3
+    for record in records[:2]:
         # The machine's speeds are those of its encoder: the specification's 0.05 %.
         assert record["markers"][0]["s_fem_m"] == pytest.approx(predicted_p1, rel=5.0e-4)
 

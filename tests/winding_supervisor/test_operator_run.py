@@ -4,7 +4,6 @@ import asyncio
 import math
 import os
 import signal
-import socket
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -14,6 +13,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+from processes import free_port
 from winding_core.machine.readings import AxisReading
 from winding_core.run_options import OperatorLimits
 from winding_core.run_outcome import Cause, EndedBy
@@ -107,7 +107,7 @@ def test_reset_begins_another_run_while_time_goes_on() -> None:
 
 
 class Session:
-    """What an operator's runs are told by: encoders and the status of the machine."""
+    """What an operator's runs are followed by: encoders and the status of the machine."""
 
     def __init__(self) -> None:
         self.machine, self.log = Machine(), EventLog(file=None)
@@ -268,10 +268,7 @@ def keeper(client: AsyncClient, folder: Path, **parameters: object) -> Dashboard
 
 @pytest.mark.processes
 def test_limits_of_an_operator_outlive_the_page(client: AsyncClient, tmp_path: Path) -> None:
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    page = keeper(client, tmp_path, host="127.0.0.1", port=port, error_limit_pct=6.0)
+    page = keeper(client, tmp_path, host="127.0.0.1", port=free_port(), error_limit_pct=6.0)
     nodes = LifecycleDriver(client, NAMESPACE, unasked)
     limits = OperatorLimits(error_limit_pct=2.5, lay_tolerance=0.8e-3)
     log = tmp_path / "events.jsonl"

@@ -68,7 +68,7 @@ class NodeSpec:
 
     @property
     def answer(self) -> Topic | None:
-        """Topic whose stamps say how far the node has come."""
+        """Topic whose stamps show how far the node has come."""
         return next((topic for topic in self.publishes if topic.answer), None)
 
 
@@ -126,7 +126,7 @@ LAY_CONTROL = NodeSpec(
     policy=Policy.RESTART,
     publications=(topics.LAY_CONTROL_STATE, topics.JOINT_TARGETS, topics.TENSION_COMMAND),
 )
-# Sinks first, the rig last: who listens is awake before anybody speaks.
+# Sinks first, the rig last: subscribers are active before publishers.
 GRAPH: tuple[NodeSpec, ...] = (CORRECTION, FEM, TRACKER, RIG)
 
 

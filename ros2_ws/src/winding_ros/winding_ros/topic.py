@@ -40,7 +40,7 @@ class Topic:
     depth: int  # History kept for a slow reader.
     latched: bool = False  # Whether late subscribers get the last message.
     recorded: bool = True  # Whether the recorder stores it.
-    # Whether its stamps say how far its publisher has come; they hold simulated time.
+    # Whether its stamps show how far its publisher has come; they hold simulated time.
     answer: bool = False
     description: str  # One line for the interface table.
     # Makes (t [s], content) of a message; raises MessageError.

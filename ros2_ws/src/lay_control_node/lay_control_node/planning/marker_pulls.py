@@ -79,13 +79,13 @@ class PullPlanner:
         commanded = self._given.copy()
         actual = self._followed(commanded, case.weight)
         begin = 0
-        stated = {}
+        reached = {}
         if self._reach is not None:
             for number in sorted(wanted):
                 end = int(np.searchsorted(self._track.theta, wanted[number]))
                 length = number * case.marker_spacing
                 pull, early, late = self._steered(commanded, actual, begin, wanted[number], length)
-                stated[number] = (pull, early, late)
+                reached[number] = (pull, early, late)
                 commanded[begin:] = pull
                 actual = self._joined(commanded, actual, begin)
                 begin = min(end, self._track.theta.size - 1)
@@ -94,7 +94,7 @@ class PullPlanner:
         for number in range(1, case.marker_count + 1):
             angle = self._angle_at(laid, number * case.marker_spacing)
             at = int(np.searchsorted(self._track.theta, angle)) if math.isfinite(angle) else -1
-            pull, early, late = stated.get(
+            pull, early, late = reached.get(
                 number, (float(commanded[min(at, commanded.size - 1)]), math.nan, math.nan)
             )
             landings.append(

@@ -74,8 +74,8 @@ def _frames(context: LaunchContext) -> list[Node]:
         get_package_prefix("robot_state_publisher")
     except PackageNotFoundError:
         return []
-    stated = {name: LaunchConfiguration(name).perform(context) for name in ("case", "duration")}
-    what = Condition(case=int(stated["case"]), duration=float(stated["duration"])).resolved()
+    values = {name: LaunchConfiguration(name).perform(context) for name in ("case", "duration")}
+    what = Condition(case=int(values["case"]), duration=float(values["duration"])).resolved()
     urdf = machine_urdf(what, MachineAxes(), CameraPlacement())
     return [
         Node(

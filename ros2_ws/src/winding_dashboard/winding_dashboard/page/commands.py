@@ -11,7 +11,7 @@ from winding_core.lay.records import ControlMode
 from winding_core.status import RunPhase
 
 START, STOP, RESET, EMERGENCY_STOP = "start", "stop", "reset", "emergency_stop"
-# Whatever the page believes of the machine, these are offered and carried out.
+# Whatever the state of the machine as the page has it, these are offered and carried out.
 STOPS = (STOP, EMERGENCY_STOP)
 MACHINE = (START, STOP, RESET, EMERGENCY_STOP)
 # What the controller of the lay is switched to.

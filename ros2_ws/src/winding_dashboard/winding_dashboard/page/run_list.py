@@ -29,7 +29,7 @@ _MEASURES = {
 class ListedRun:
     """One run."""
 
-    date: str  # When it was begun, UTC; empty when it does not say
+    date: str  # When it was begun, UTC; empty when it is not recorded
     condition: str  # What was wound
     outcome: Cell  # How it came out
     report: str  # Path of its page below the folder; empty without one

@@ -53,7 +53,7 @@ class ServiceClient:
 
     node: Node  # A node that an executor spins
     wake: Callable[[], None]  # Tells the executor that the node has further clients
-    health: Health  # What the nodes say of themselves
+    health: Health  # What the nodes report
     clock: Callable[[], float]  # Wall time [s] as `health` gets it
     # Names of the graph's nodes in the order of activation; empty for those of a simulated machine
     nodes: tuple[str, ...] = ()

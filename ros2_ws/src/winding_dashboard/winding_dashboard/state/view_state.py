@@ -145,7 +145,7 @@ class ViewState:
 
     @property
     def reason(self) -> str:
-        """Why the machine is in its phase, in its own words; empty when it does not say."""
+        """Why the machine is in its phase, in its own words; empty when it reports none."""
         return self.health.values(self.machine).get("reason", "")
 
     @property
@@ -157,7 +157,7 @@ class ViewState:
 
     @property
     def moving(self) -> bool:
-        """Whether an axis turns, as far as the encoders say."""
+        """Whether an axis turns, by the encoders."""
         return self.axes is not None and abs(self.axes.angular_speed) > STANDING
 
     @property
@@ -195,7 +195,7 @@ class ViewState:
         return now - max(self.last_data, self.health.last_heard) <= SILENCE
 
     def note_statuses(self, now: float, statuses: Sequence[Status]) -> None:
-        """Take what nodes say of themselves, received at wall time now [s]."""
+        """Take the statuses of nodes, received at wall time now [s]."""
         self.health.note(now, statuses)
         self.control.note_statuses(statuses)
         values = self.health.values(_OUTCOME)

@@ -51,7 +51,7 @@ class Gate:
         self._hosts = {*_LOOPBACK_NAMES, host.strip("[]")}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Let a request through, or answer it here; every answer says what browsers may do."""
+        """Let a request through, or answer it here, always with headers that limit browsers."""
 
         async def guarded(message: Message) -> None:
             if message["type"] == "http.response.start":

@@ -96,7 +96,7 @@ class Joiner:
         return samples
 
     def _sample(self, stamp_ns: int) -> Sample | None:
-        """Return the sample of a time and let go what is not newer; None before all axes tell."""
+        """Return the sample of a time and let go what is not newer; None before every axis came."""
         held = interpolated = False
         values = {}
         for name, axis in self._axes.items():

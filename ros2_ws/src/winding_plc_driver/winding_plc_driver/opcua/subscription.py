@@ -13,7 +13,7 @@ from winding_plc_driver.opcua.nodes import Nodes
 from winding_plc_driver.opcua.request import LinkError, RefusedError, ask, in_one_sentence
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-# Part 4 of OPC UA, status codes: the bits that say that a value comes from a queue that was full.
+# Part 4 of OPC UA, status codes: the bits of a value that comes from a queue that was full.
 _INFO, _OVERFLOW = 0xC80, 0x480
 _NO_FILTER = (
     ua.StatusCodes.BadMonitoredItemFilterUnsupported,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from array import array
+from collections import ChainMap
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -23,6 +24,7 @@ _TOLERANCE = 0.05
 _GAP = 1.5
 _FEW = 10
 _LATEST = 2**63 - 1
+_LATCHED = "durability: transient_local"
 
 
 @dataclass(kw_only=True)
@@ -171,10 +173,10 @@ def _check_messages(path: Path, messages: Messages, decoder: Decoder, verdict: V
     try:
         for topic, arrived, published, data in messages:
             verdict.stamps.setdefault(topic, array("q")).append(min(published, _LATEST))
-            stated = found.add(topic, arrived)
+            described = found.add(topic, arrived)
             try:
-                decoder.learn(stated.type_name, stated.definition)
-                decoder.decode(stated.type_name, data)
+                decoder.learn(described.type_name, described.definition)
+                decoder.decode(described.type_name, data)
             except BagError as error:
                 undecodable.setdefault(topic, f"message at {arrived * 1e-9:.6f} s is {error}")
     except Exception as error:  # noqa: BLE001 - damaged bytes raise whatever they hit
@@ -184,10 +186,13 @@ def _check_messages(path: Path, messages: Messages, decoder: Decoder, verdict: V
 
 def _check_stamps(path: Path, verdict: Verdict) -> None:
     notes = read_notes(path) if path.is_dir() else {}
+    described = ChainMap(*(found.topics for found in verdict.found.values()))
     for name, stamps in sorted(verdict.stamps.items()):
+        # A bag begins with what a latched topic carried before it, perhaps in another run.
+        judged = np.array(stamps, dtype=np.int64)[int(_LATCHED in described[name].profiles) :]
         # The recorder counts losses where one node publishes; there, times are in order.
         ordered = COMPLETE not in notes or f"{LOST}{name}" in notes
-        verdict.findings += stamp_findings(name, np.array(stamps, dtype=np.int64), ordered=ordered)
+        verdict.findings += stamp_findings(name, judged, ordered=ordered)
     verdict.findings += [
         f"{key.removeprefix(LOST)}: {text} messages never reached the recorder"
         for key, text in sorted(notes.items())

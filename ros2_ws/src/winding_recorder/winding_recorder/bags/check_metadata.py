@@ -74,8 +74,8 @@ def contradictions(folder: Path, found: Mapping[str, Found]) -> list[str]:
         return [f"metadata.yaml cannot be understood: {reason(error)}"]
 
 
-def _contradictions(stated: Mapping[str, Any], found: Mapping[str, Found]) -> Iterator[str]:
-    files = {item["path"]: item for item in stated["files"]}
+def _contradictions(declared: Mapping[str, Any], found: Mapping[str, Found]) -> Iterator[str]:
+    files = {item["path"]: item for item in declared["files"]}
     whole = Found()
     for each in found.values():
         whole.topics |= each.topics
@@ -84,25 +84,25 @@ def _contradictions(stated: Mapping[str, Any], found: Mapping[str, Found]) -> It
             if moment is not None:
                 whole.first = moment if whole.first is None else min(whole.first, moment)
                 whole.last = moment if whole.last is None else max(whole.last, moment)
-    yield from _topics(stated["topics_with_message_count"], whole)
-    yield from _span("in all", stated, whole)
+    yield from _topics(declared["topics_with_message_count"], whole)
+    yield from _span("in all", declared, whole)
     for name in sorted({*files, *found}):
         if name in files and name in found:
             yield from _span(name, files[name], found[name])
         else:
             yield f"{name}: {'there is no such file' if name in files else 'not in metadata.yaml'}"
     for name in ("compression_format", "compression_mode"):
-        if str(stated.get(name, "")).upper() not in ("", "NONE"):
-            yield f"metadata.yaml states {name} {stated[name]!r}, the files are not compressed"
-    paths = [Path(path).name for path in stated["relative_file_paths"]]
+        if str(declared.get(name, "")).upper() not in ("", "NONE"):
+            yield f"metadata.yaml states {name} {declared[name]!r}, the files are not compressed"
+    paths = [Path(path).name for path in declared["relative_file_paths"]]
     facts: dict[str, tuple[Any, Any]] = {
         "relative_file_paths": (paths, list(found)),
         "storage_identifier": (
-            stated["storage_identifier"], _STORAGES[Path(next(iter(found))).suffix],
+            declared["storage_identifier"], _STORAGES[Path(next(iter(found))).suffix],
         ),
     }  # fmt: skip
     for name, fact in _inside([*found.values()][-1]).items():
-        facts[name] = (stated.get(name) or None, fact or None)
+        facts[name] = (declared.get(name) or None, fact or None)
     for name, (claim, fact) in facts.items():
         if claim != fact:
             yield f"metadata.yaml states {name} {claim!r}, the files {fact!r}"
@@ -115,8 +115,8 @@ def _inside(last: Found) -> dict[str, Any]:
     return {name: inner[name] for name in _KEPT_INSIDE if name in inner}
 
 
-def _topics(stated: list[Mapping[str, Any]], whole: Found) -> Iterator[str]:
-    topics = {item["topic_metadata"]["name"]: item for item in stated}
+def _topics(declared: list[Mapping[str, Any]], whole: Found) -> Iterator[str]:
+    topics = {item["topic_metadata"]["name"]: item for item in declared}
     for name in sorted({*topics, *whole.topics}):
         item = topics.get(name, {})
         count = int(item.get("message_count", 0))
@@ -139,17 +139,17 @@ def _topics(stated: list[Mapping[str, Any]], whole: Found) -> Iterator[str]:
                 yield f"{name}: metadata.yaml states {key} {claim!r}, the file {value!r}"
 
 
-def _data(stated: Any) -> Any:
+def _data(declared: Any) -> Any:
     """Return QoS profiles as data; they are text inside storage files and before version 9."""
-    return yaml.load(stated, LOADER) if isinstance(stated, str) else stated
+    return yaml.load(declared, LOADER) if isinstance(declared, str) else declared
 
 
-def _span(name: str, stated: Mapping[str, Any], found: Found) -> Iterator[str]:
-    count = int(stated["message_count"])
+def _span(name: str, declared: Mapping[str, Any], found: Found) -> Iterator[str]:
+    count = int(declared["message_count"])
     if count != found.messages:
         yield f"{name}: metadata.yaml states {count} messages, there are {found.messages}"
-    begin = int(stated["starting_time"]["nanoseconds_since_epoch"])
-    length = int(stated["duration"]["nanoseconds"])
+    begin = int(declared["starting_time"]["nanoseconds_since_epoch"])
+    length = int(declared["duration"]["nanoseconds"])
     first, last = found.first or 0, found.last or 0
     if found.messages and (begin, length) != (first, last - first):
         yield (

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import sqlite3
+import struct
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
 from winding_core.parameters import build, declarations
-from winding_recorder.bags.arrivals import arrivals
 from winding_recorder.bags.description import LOST, PARAMETERS, BagError, reason
 from winding_recorder.bags.reading import opened, read_notes, storage_files
 
 Configuration = TypeVar("Configuration")
+# Opcode and length of a record, channel, bytes of the entries behind it.
+_HEAD = struct.Struct("<BQHI")
+_ENTRY = np.dtype([("time", "<u8"), ("offset", "<u8")])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +56,7 @@ def contents(path: Path) -> Content:
     files = {file.name: file.stat().st_size for file in storage_files(path)}
     with opened(path) as reader:
         try:
-            return _content(reader, files, notes, arrivals(storage_files(path)))
+            return _content(reader, files, notes, _arrivals(storage_files(path)))
         except Exception as error:
             # Times and counts are used only here, and damaged ones raise whatever they hit.
             raise BagError(f"cannot read {path}: {reason(error)}") from error
@@ -82,6 +88,49 @@ def _content(
     )
 
 
+def _arrivals(files: Iterable[Path]) -> dict[str, tuple[int, int]]:
+    """Return the first and the last bag time [ns] of each topic that has messages.
+
+    Args:
+        files: Storage files of one recording; their indexes are taken as they are.
+    """
+    spans: dict[str, tuple[int, int]] = {}
+    for file in files:
+        for topic, first, last in (
+            _mcap_arrivals(file) if file.suffix == ".mcap" else _sqlite_arrivals(file)
+        ):
+            before = spans.get(topic, (first, last))
+            spans[topic] = (min(before[0], first), max(before[1], last))
+    return spans
+
+
+def _mcap_arrivals(path: Path) -> Iterator[tuple[str, int, int]]:
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        chunks = [] if summary is None else summary.chunk_indexes
+        chunks = sorted(chunks, key=lambda chunk: chunk.chunk_start_offset)
+        for key, channel in () if summary is None else summary.channels.items():
+            offsets = [offset for c in chunks if (offset := c.message_index_offsets.get(key))]
+            # Chunks follow each other as messages arrived.
+            for offset in offsets[:1] + offsets[-1:]:
+                file.seek(offset)
+                *_, size = _HEAD.unpack(file.read(_HEAD.size))
+                times = np.frombuffer(file.read(size), dtype=_ENTRY)["time"]
+                if times.size:
+                    yield channel.topic, int(times.min()), int(times.max())
+
+
+def _sqlite_arrivals(path: Path) -> Iterator[tuple[str, int, int]]:
+    connection = sqlite3.connect(f"file:{path}?mode=ro", uri=True)
+    try:
+        yield from connection.execute(
+            "SELECT topics.name, MIN(timestamp), MAX(timestamp) FROM messages JOIN topics "
+            "ON topics.id = messages.topic_id GROUP BY topics.name"
+        )
+    finally:
+        connection.close()
+
+
 def _rate(messages: int, span: tuple[int, int] | None) -> float | None:
     if messages < 2 or span is None or span[1] <= span[0]:
         return None
@@ -111,7 +160,7 @@ def recorded_parameters(path: Path, node: str) -> dict[str, Any]:
 
 
 def configuration_of(
-    stated: type[Configuration], values: Mapping[str, Any], node: str
+    declared: type[Configuration], values: Mapping[str, Any], node: str
 ) -> Configuration:
     """Return a node's configuration from recorded parameters.
 
@@ -120,6 +169,6 @@ def configuration_of(
     Raises:
         ParameterError: A value is refused.
     """
-    known = {item.name for item in declarations(stated)}
+    known = {item.name for item in declarations(declared)}
     own = {name: value for name, value in values.items() if name in known}
-    return build(stated, own, owner=node)
+    return build(declared, own, owner=node)

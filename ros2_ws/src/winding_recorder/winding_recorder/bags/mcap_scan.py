@@ -85,7 +85,7 @@ def scan(path: Path, result: Scan) -> Iterator[ScannedChunk]:
 def scan_by_index(path: Path, result: Scan) -> Iterator[ScannedChunk] | None:
     """Return the chunks that the summary lists, or None when there is no readable summary.
 
-    The index finds chunks behind a damaged one whose length cannot be believed.
+    The index finds chunks behind a damaged one whose length is wrong.
     """
     try:
         with path.open("rb") as file:
@@ -101,7 +101,7 @@ def scan_by_index(path: Path, result: Scan) -> Iterator[ScannedChunk] | None:
 
 
 def summary_damage(path: Path) -> str:
-    """Return what footer and CRC say against the summary, or an empty text."""
+    """Return how footer or CRC contradict the summary, or an empty text."""
     with path.open("rb") as file:
         size = path.stat().st_size
         if size < _FOOTER_BYTES:

@@ -1,4 +1,4 @@
-"""Open recordings with rosbags, and say in one sentence why one cannot be read."""
+"""Open recordings with rosbags; one sentence for each that cannot be read."""
 
 from __future__ import annotations
 

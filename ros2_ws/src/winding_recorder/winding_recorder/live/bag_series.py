@@ -25,7 +25,7 @@ from winding_ros.topic import Taken, Topic
 
 Answer = Callable[[bool, str], None]
 
-# A topic has one publisher; its predecessor and a few rivals are told apart.
+# A topic has one publisher; its predecessor and a few rivals are distinguished.
 _PUBLISHERS = 4
 
 

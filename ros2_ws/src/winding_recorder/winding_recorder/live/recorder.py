@@ -261,7 +261,7 @@ class Recorder:
             stamp = self._stamp_of(topic, taken)
             waiting = self._found_bytes - self._dealt_with_bytes
             if waiting > _MOST_WAITING and topic in PICTURES:
-                # A machine that waits for nobody would fill the memory.
+                # A machine that waits for no reader would fill the memory.
                 self.bags.refused.add(topic.name, f"{waiting} bytes waited for the disk")
                 continue
             yield topic, stamp, taken
@@ -353,7 +353,7 @@ class Recorder:
             return
         last, before = self._last_ns.get(topic.name, (stamp, received))
         if not 0 <= stamp <= last + _FAR_AHEAD_NS:
-            # It says nothing of the time of the run.
+            # It is no time of the run.
             return
         self._last_ns[topic.name] = (stamp, received)
         if stamp >= last - _WENT_BACK_NS:

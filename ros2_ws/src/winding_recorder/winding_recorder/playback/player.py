@@ -333,12 +333,12 @@ def _offered(link: Any) -> QoSProfile:
     profiles = link.ext.offered_qos_profiles
     if not profiles:
         return QoSProfile(depth=_DEPTH)
-    (stated, *_) = profiles
-    latched = stated.durability.name == "TRANSIENT_LOCAL"
-    reliable = stated.reliability.name != "BEST_EFFORT"
+    (offered, *_) = profiles
+    latched = offered.durability.name == "TRANSIENT_LOCAL"
+    reliable = offered.reliability.name != "BEST_EFFORT"
     return QoSProfile(
         history=HistoryPolicy.KEEP_LAST,
-        depth=min(max(1, stated.depth), _DEEPEST),
+        depth=min(max(1, offered.depth), _DEEPEST),
         reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
         durability=DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE,
     )

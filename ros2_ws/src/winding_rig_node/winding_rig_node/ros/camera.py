@@ -197,7 +197,7 @@ def exposure_of(machine: Machine, lay: MotionLay | None) -> Exposure:
 
 
 def reading_of(calibration: CameraCalibration) -> CameraReading:
-    """Return what a CameraInfo says of a calibration."""
+    """Return a calibration as a CameraInfo has it."""
     x, y, width, height = calibration.roi
     return CameraReading(
         width=calibration.width,

@@ -67,7 +67,7 @@ def asked_parameters(node: Node) -> RigParameters:
         executor.shutdown()
         node.destroy_client(client)
     waited = _ATTEMPTS * _PATIENCE
-    raise SilentRigError(f"{topics.RIG} does not say within {waited:g} s what it is set to")
+    raise SilentRigError(f"{topics.RIG} has not reported its parameters within {waited:g} s")
 
 
 _NAME = "winding_rig_camera"
@@ -95,7 +95,7 @@ class Port(Protocol):
 
 @contextmanager
 def open_camera(port: Port) -> Iterator[None]:
-    """Hand over a frame of the simulated machine, drawn where its encoders say that it stands.
+    """Hand over a frame of the simulated machine, drawn where its encoders are.
 
     What is wound, and how, is asked of the rig each time: an operator may have chosen something
     else since the process was started.

@@ -145,7 +145,7 @@ class MachineLoop:
         self._supervisor_heard = self._watch.time
 
     def stop_quickly(self, reason: str) -> None:
-        """Stop a machine that winds, and say why."""
+        """Stop a machine that winds, for a reason."""
         if self.machine.state.phase is not Phase.WINDING:
             return
         self.command(lambda machine: machine.quick_stop(reason))

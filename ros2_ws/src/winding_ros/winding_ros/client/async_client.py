@@ -154,7 +154,7 @@ class AsyncClient(ServiceCaller):
         return self._statuses.get(name)
 
     def beat(self) -> None:
-        """Say that the orchestrator lives; nodes that move something stop when it falls silent."""
+        """Publish a sign of life; nodes that move something stop when it falls silent."""
         self._heartbeat.beat()
 
     def watch(self, name: str, notify: Callable[[Sign], None]) -> None:
@@ -173,7 +173,9 @@ class AsyncClient(ServiceCaller):
         """Return how many processes of a node the graph knows, those lately killed included."""
         return int(self.node.count_publishers(heartbeat_topic(name)))
 
-    def tell(self, t: float, level: Level, name: str, message: str, values: dict[str, str]) -> None:
+    def report(
+        self, t: float, level: Level, name: str, message: str, values: dict[str, str]
+    ) -> None:
         """Publish a status of the orchestrator's own, at simulated time t [s]."""
         status = Status(name=f"{NAME}: {name}", level=level, message=message, values=values)
         self._diagnostics.publish(encode_diagnostics(t, [status], hardware_id=self._hardware_id))

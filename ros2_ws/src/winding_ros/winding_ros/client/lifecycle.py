@@ -26,7 +26,7 @@ async def deadline(
     Args:
         timeout: How long the body may take while nothing works for it [s].
         sentence: Of the error.
-        work: Returns what changes while somebody works; each change begins the time anew, so that
+        work: Returns what changes while work goes on; each change begins the time anew, so that
             a slow computer is no reason to give up.
     """
 
@@ -187,27 +187,27 @@ class LifecycleDriver:
         self,
         nodes: Sequence[str],
         values: Mapping[str, Mapping[str, object]],
-        tell: Callable[[str], None],
+        report: Callable[[str], None],
     ) -> None:
         """Take every node down, set its parameters, and bring all up again.
 
         Args:
             nodes: Their names in the order of activation: listeners first, the machine last.
             values: Parameters by node.
-            tell: Takes one sentence for each stage.
+            report: Takes one sentence for each stage.
 
         Raises:
             GraphError: A node refused; those after it are left as they were.
             TimeoutError: A node does not answer.
         """
-        tell("taking the nodes down")
+        report("taking the nodes down")
         for node in reversed(nodes):
             await self.take_down(node)
         for node in nodes:
             await self.set_parameters(node, values.get(node, {}))
-        tell("building the models; the prediction of the run takes some seconds")
+        report("building the models; the prediction of the run takes some seconds")
         await asyncio.gather(*(self.change(node, CONFIGURE) for node in nodes))
-        tell("switching on")
+        report("switching on")
         for node in nodes:
             await self.change(node, ACTIVATE)
 

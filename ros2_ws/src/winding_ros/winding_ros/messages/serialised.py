@@ -8,7 +8,7 @@ from rclpy.serialization import deserialize_message
 
 
 class MessageError(ValueError):
-    """A message does not say what its topic promises."""
+    """A message is not what its topic declares."""
 
 
 def deserialised(data: bytes, type_: type) -> Any:

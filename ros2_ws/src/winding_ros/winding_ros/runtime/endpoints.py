@@ -219,7 +219,7 @@ class Endpoints:
                 self._node.get_logger().error(after.sentence)
 
     def statuses(self) -> list[Status]:
-        """Return what there is to say of the node's topics."""
+        """Return the statuses of the node's topics."""
         name = self._spec.name
         subscribers = {topic: self.matched(topic) for topic in self._publishers}
         found = [topic_status(name, subscribers, self._guards, self.rivals())]
@@ -333,7 +333,7 @@ class StopRequest:
         self._ways = tuple((service, service.client(node)) for service in (QUICK_STOP, STOP))
 
     def ask(self, reason: str) -> None:
-        """Ask the machine to come to rest, and say why."""
+        """Ask the machine to come to rest, for a reason."""
         now = self._clock()
         if now < self._next:
             return

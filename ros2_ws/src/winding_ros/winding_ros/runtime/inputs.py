@@ -70,7 +70,7 @@ class Inputs:
 
     def _subscription(self, item: Input) -> Subscription:
         subscription = item.topic.listen(self._node, _never, raw=True, events=item.events)
-        # The executor takes from what the node lists, and does not say when a message was sent;
+        # The executor takes from what the node lists, and does not report when a message was sent;
         # rclpy has no other way to leave a subscription out of that.
         self._node._subscriptions.remove(subscription)
         return subscription

@@ -66,9 +66,9 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._diagnostics = DIAGNOSTICS.advertise(self)
         self._heartbeat = Heartbeat(self, spec.name)
         self.endpoints = Endpoints(self, spec, self._heartbeat)
-        self._last_told: list[Status] = []
+        self._last_published: list[Status] = []
         self._silent_periods = 0
-        # Wall time: a stopped simulation must still say that it is stopped.
+        # Wall time: a stopped simulation must still report that it is stopped.
         self._watch = self.create_timer(
             _WATCH_PERIOD, self._publish_diagnostics, clock=Clock(clock_type=ClockType.STEADY_TIME)
         )
@@ -145,7 +145,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         result = self._transition("deactivate", self.deactivate)
         self.active = self.active and result is not TransitionCallbackReturn.SUCCESS
         # Its process may end before the next look.
-        self.endpoints.trace.tell()
+        self.endpoints.trace.publish()
         super().on_deactivate(state)
         return result
 
@@ -189,7 +189,7 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     def _transition(self, name: str, *hooks: Callable[[], None]) -> TransitionCallbackReturn:
         self._refused = name
         try:
-            with PROGRESS.heard(self._tell_compiling):
+            with PROGRESS.heard(self._report_compiling):
                 for hook in hooks:
                     hook()
         except (ParameterError, ValueError, FileNotFoundError, EndingError) as error:
@@ -203,15 +203,16 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         self._failure = ""
         return TransitionCallbackReturn.SUCCESS
 
-    def _tell_compiling(self, kernel: Compiling | None) -> None:
+    def _report_compiling(self, kernel: Compiling | None) -> None:
         """Report what keeps the node from answering."""
         if kernel is None:
             return
         self.get_logger().info(kernel.sentence)
         values = {COMPILING: kernel.share}
-        self._tell([Status(name=self.get_name(), message=kernel.sentence, values=values)])
+        status = Status(name=self.get_name(), message=kernel.sentence, values=values)
+        self._publish_statuses([status])
 
-    def _tell(self, statuses: list[Status]) -> None:
+    def _publish_statuses(self, statuses: list[Status]) -> None:
         stamp = self.get_clock().now().nanoseconds * 1e-9
         self._diagnostics.publish(
             encode_diagnostics(stamp, statuses, hardware_id=self.get_namespace())
@@ -233,16 +234,16 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
         if self._fatal is not None:
             raise self._fatal
         self._heartbeat.beat()
-        self.endpoints.trace.tell()
+        self.endpoints.trace.publish()
         self.endpoints.look_for_rivals()
         for sentence in self.endpoints.rivals():
             self.contested(sentence)
         statuses = self._statuses()
         self._silent_periods += 1
-        changed = news(statuses) != news(self._last_told)
+        changed = news(statuses) != news(self._last_published)
         if changed or self._silent_periods * _WATCH_PERIOD >= _REPEAT_PERIOD:
-            self._tell(statuses)
-            self._last_told = statuses
+            self._publish_statuses(statuses)
+            self._last_published = statuses
             self._silent_periods = 0
             self.endpoints.restart_queues()
 

@@ -99,7 +99,7 @@ class NodeTrace:
             began_ns=began_ns,
         )
 
-    def tell(self) -> None:
+    def publish(self) -> None:
         """Publish what has been noted, and look whether anybody listens."""
         if self._publisher is None:
             return

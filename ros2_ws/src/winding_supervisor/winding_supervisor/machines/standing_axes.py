@@ -100,7 +100,7 @@ def _why_not(
     if contested:
         return " ".join(contested)
     if samples is None:
-        return f"{name} comes too seldom to tell whether the machine stands"
+        return f"{name} comes too seldom to show whether the machine stands"
     turned, moved = _spread(samples, axes)
     return (
         f"the machine does not stand: within {_LOOK:g} s the cylinder turned {turned:.3g} rad "

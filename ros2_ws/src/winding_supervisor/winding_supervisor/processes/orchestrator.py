@@ -60,7 +60,7 @@ class Orchestrator:
     config: GraphConfig  # How it is run
     client: AsyncClient  # Calls its services and hears its diagnostics
     # Takes a sentence now and then while nodes compile
-    tell: Callable[[str], object] = lambda sentence: None
+    report: Callable[[str], object] = lambda sentence: None
 
     def __post_init__(self) -> None:
         self._narrated = ""
@@ -167,10 +167,10 @@ class Orchestrator:
         """
         for process in self.processes:
             name = process.spec.name
-            stated = [item.name for item in declarations(parameters_of(process.spec))]
+            declared = [item.name for item in declarations(parameters_of(process.spec))]
             with contextlib.suppress(TimeoutError):
-                values = await self._transitions.parameters(name, stated, ANSWER_PATIENCE)
-                if len(values) == len(stated):
+                values = await self._transitions.parameters(name, declared, ANSWER_PATIENCE)
+                if len(values) == len(declared):
                     self._adopted[name] = values
         return dict(self._adopted)
 
@@ -250,7 +250,7 @@ class Orchestrator:
         sentence = ", ".join(f"{name} {share}" for name, share in found.items())
         if sentence and sentence != self._narrated:
             self._narrated = sentence
-            self.tell(f"compiling kernels (first start only): {sentence}")
+            self.report(f"compiling kernels (first start only): {sentence}")
 
     async def _configure_all(self) -> None:
         await asyncio.gather(*(configure(self._transitions, process) for process in self.processes))

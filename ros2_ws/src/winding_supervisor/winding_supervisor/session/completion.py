@@ -34,7 +34,7 @@ class Completion:
         self._since = math.inf
 
     def reached(self, buffer: RunBuffer, now: float) -> bool:
-        """Return whether the buffer has everything, as far as wall time `now` [s] can tell."""
+        """Return whether the buffer has everything, as far as wall time `now` [s] shows."""
         if not all(self._ends(topic, buffer) for topic in _PROCESSED):
             return False
         heard = [topic for topic in _PUBLISHED if buffer.last_stamp(topic) >= 0.0]

@@ -173,7 +173,7 @@ class NextRun(Conduct):
         level = Level.WARN if self._reason else Level.OK
         message = self._reason or f"the run is {self._phase.value}"
         values = {"phase": self._phase.value}
-        self._who.client.tell(self._machine.t, level, COMPONENT, message, values)
+        self._who.client.report(self._machine.t, level, COMPONENT, message, values)
 
     def _answer(self, _request: Any, response: Any) -> Any:
         """Answer in the thread that spins the node."""

@@ -213,5 +213,5 @@ async def outlive(
 async def _keep_reporting(failure: str, client: AsyncClient) -> None:
     sentence = f"the session cannot go on: {failure}"
     while True:
-        client.tell(0.0, Level.ERROR, RUN, sentence, {"phase": RunPhase.FAILED.value})
+        client.report(0.0, Level.ERROR, RUN, sentence, {"phase": RunPhase.FAILED.value})
         await asyncio.sleep(_REPORT_PERIOD)

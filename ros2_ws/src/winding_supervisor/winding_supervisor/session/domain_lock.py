@@ -68,7 +68,7 @@ def _held(name: str, taken: str) -> Iterator[None]:
 
     Args:
         name: Of the file.
-        taken: What a refusal says of the lock that another process holds.
+        taken: Refusal of a lock that another process holds.
     """
     path = lock_folder() / name
     try:

@@ -76,7 +76,7 @@ class Rest:
                 self.report(f"{self.danger}; stop it at the machine")
                 reminded = now
             if now - asked >= _AGAIN:
-                self._tell(Level.ERROR, self.danger)
+                self._publish(Level.ERROR, self.danger)
                 self._note(await self.machine.quick_stop())
                 asked = time.monotonic()
             await asyncio.sleep(_POLL)
@@ -84,7 +84,7 @@ class Rest:
         if self.motion is Motion.STANDING:
             self.log.note("standing", topics.RIG, "both axes stand", t=self.machine.t)
             self.report("the machine stands")
-        self._tell(Level.OK, "")
+        self._publish(Level.OK, "")
 
     def _note(self, failure: str) -> None:
         self.log.stop(self.machine.t, "session", failure)
@@ -97,5 +97,5 @@ class Rest:
             await asyncio.sleep(_POLL)
         return self.machine.motion
 
-    def _tell(self, level: Level, message: str) -> None:
-        self.client.tell(self.machine.t, level, MACHINE_COMPONENT, message, {})
+    def _publish(self, level: Level, message: str) -> None:
+        self.client.report(self.machine.t, level, MACHINE_COMPONENT, message, {})

@@ -190,9 +190,9 @@ class RigConduct(Conduct):
         async def read() -> None:
             if before is not None:
                 await before
-            stated = await self._who.orchestrator.adopt_parameters()
-            self._recorder.bags.note(parameter_notes(stated))
-            self._set = stated.get(topics.RIG, self._set)
+            configured = await self._who.orchestrator.adopt_parameters()
+            self._recorder.bags.note(parameter_notes(configured))
+            self._set = configured.get(topics.RIG, self._set)
             if wound:
                 self.wound = dict(self._set)
 

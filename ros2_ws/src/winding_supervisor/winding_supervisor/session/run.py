@@ -222,7 +222,7 @@ class Run:
             await rest.bring()
             await orchestrator.stop()
             for result in self.remains():
-                session.tell_outcome(await asyncio.to_thread(deliver, result))
+                session.publish_outcome(await asyncio.to_thread(deliver, result))
             await outlive(str(error), page, client, session.ended)
             raise
 

@@ -41,14 +41,14 @@ class RunFolderError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class RunConfig:
-    """A run, where it goes, and what its options alone do not say."""
+    """A run, where it goes, and what its options alone do not determine."""
 
     spec: RunSpec  # As it was asked for
     directory: Path  # New folder of logs and of what the run leaves behind
     machine: ExternalMachineConfig | None = None  # The external machine; None for the simulated one
     # Parameters of the operator's page; None for a run that starts by itself
     page: Mapping[str, object] | None = None
-    notes: Mapping[str, str] = field(default_factory=dict)  # What its recordings say of it, by name
+    notes: Mapping[str, str] = field(default_factory=dict)  # Texts of its recordings, by name
     attended: bool = False  # Whether an operator sits at the terminal
 
     @property
@@ -81,10 +81,10 @@ class RunConfig:
         sections = ("solver", "camera", "tracking", "correction", "lay", "drum")
         asked = {**(axes or {}), **{k: v for name in sections for k, v in spec.asked(name).items()}}
         condition = spec.condition
-        stated = {"case": condition.case, "duration": condition.duration}
+        common = {"case": condition.case, "duration": condition.duration}
         for node in self.graph:
             found[node.name] = {
-                **spec.asked("condition"), **stated, **declared_in(parameters_of(node), asked)
+                **spec.asked("condition"), **common, **declared_in(parameters_of(node), asked)
             }  # fmt: skip
         if RIG.name in found:
             found[RIG.name] |= self._rig_parameters()

@@ -108,11 +108,11 @@ def describe_machine(
     """
     names = {spec.name for spec in config.graph}
     spec = TRACKER if TRACKER.name in names else FEM
-    stated = config.parameters(axes)
-    wound: Any = build(parameters_of(spec), stated[spec.name], owner=spec.name)
+    configured = config.parameters(axes)
+    wound: Any = build(parameters_of(spec), configured[spec.name], owner=spec.name)
     try:
         camera = wound if isinstance(wound, CameraPlacement) else None
-        urdf = machine_urdf(wound.resolved(), wound, camera, _carriage_limits(config, stated))
+        urdf = machine_urdf(wound.resolved(), wound, camera, _carriage_limits(config, configured))
     except ValueError as error:
         report(f"no {ROBOT_DESCRIPTION.name}: {error}")
         return
@@ -120,7 +120,7 @@ def describe_machine(
 
 
 def _carriage_limits(
-    config: RunConfig, stated: Mapping[str, Mapping[str, object]]
+    config: RunConfig, configured: Mapping[str, Mapping[str, object]]
 ) -> CarriageLimits | None:
     """Return what the machine, or else the controller of the lay, allows the carriage."""
     for node, travel, speed in (
@@ -129,7 +129,7 @@ def _carriage_limits(
     ):
         spec = next((item for item in config.graph if item.name == node.name), None)
         if spec is not None:
-            limits: Any = build(parameters_of(spec), stated[spec.name], owner=spec.name)
+            limits: Any = build(parameters_of(spec), configured[spec.name], owner=spec.name)
             low, high = getattr(limits, travel)
             return CarriageLimits(low=low, high=high, speed=getattr(limits, speed))
     return None

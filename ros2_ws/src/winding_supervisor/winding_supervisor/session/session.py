@@ -142,7 +142,7 @@ class Session:
                 if begun.done() and not run.begun:
                     run.begun, run.since = True, time.monotonic()
                     if conduct.operated:
-                        self.tell_outcome(None)
+                        self.publish_outcome(None)
                 end = conduct.end if run.begun else None
                 if end is None:
                     completion = None
@@ -195,7 +195,7 @@ class Session:
                 if task.done():
                     task.result()
         if not self.ended.is_set():
-            self.tell_outcome(None)
+            self.publish_outcome(None)
             who.log.begin_run()
             self.ready()
 
@@ -224,7 +224,7 @@ class Session:
         self._undelivered.remove(run)
         outcome = await asyncio.to_thread(self.deliver, self._result(run))
         if not self._run.begun:
-            self.tell_outcome(outcome)
+            self.publish_outcome(outcome)
         if not self.conduct.throughout:
             self.who.report(
                 "the run is over; Reset on the page begins the next, Ctrl-C here ends the session"
@@ -263,15 +263,15 @@ class Session:
         gone = (f"the recording {folder} is gone" for folder in run.folders if not folder.exists())
         return tuple(filter(None, (recording, *gone, *recorder.shortfalls, self.who.log.failure)))
 
-    def tell_outcome(self, outcome: RunOutcome | None) -> None:
+    def publish_outcome(self, outcome: RunOutcome | None) -> None:
         """Publish the outcome of a run that is over; None once another run begins."""
         client, t = self.who.client, self.who.machine.t
         if outcome is None:
-            client.tell(t, Level.OK, OUTCOME_COMPONENT, "no run is over", {})
+            client.report(t, Level.OK, OUTCOME_COMPONENT, "no run is over", {})
             return
         values = {"verdict": outcome.verdict.value, "sentences": "\n".join(outcome.sentences)}
         level = _LEVELS.get(outcome.verdict, Level.OK)
-        client.tell(t, level, OUTCOME_COMPONENT, outcome.headline, values)
+        client.report(t, level, OUTCOME_COMPONENT, outcome.headline, values)
 
 
 def _has_begun(bag: Path) -> bool:

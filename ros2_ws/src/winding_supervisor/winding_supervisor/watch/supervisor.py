@@ -237,7 +237,7 @@ class Supervisor:
         while True:
             await asyncio.sleep(_LOAD_PERIOD)
             level, message, values = load.look(time.monotonic(), self._pids())
-            self.client.tell(self.machine.t, level, "vitals", message, values)
+            self.client.report(self.machine.t, level, "vitals", message, values)
 
     def _pids(self) -> dict[str, int]:
         return {**self.orchestrator.pids(), NAME: os.getpid()}
@@ -351,7 +351,7 @@ class Supervisor:
         level = Level.OK if what in ("restarted", "resumed") else Level.ERROR
         values = {"time": f"{self.machine.t:.3f}"}
         about = sentence or f"{node} {text}"
-        self.client.tell(self.machine.t, level, "supervision", f"{what}: {about}", values)
+        self.client.report(self.machine.t, level, "supervision", f"{what}: {about}", values)
 
 
 def replay_parameters(buffer: RunBuffer, file: Path, since: float = 0.0) -> dict[str, object]:
