@@ -11,6 +11,7 @@ from collections.abc import Callable
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.state import (
     BELOW_ROWS,
+    GONE,
     LOSS_CONTACT,
     LOSS_FRICTION,
     PUSHES,
@@ -45,8 +46,7 @@ def _touching(wound: bool) -> Callable[..., None]:
     ) -> None:
         """Add the cylinder's push and friction to the net forces of nodes.
 
-        Cable below pushes along the line between both centre lines, in the plane of a node and the
-        axis. Normal penalty with dashpot; a stick spring per node that remembers how far the node
+        Cable below pushes along the line between both centre lines, across its own. Normal penalty with dashpot; a stick spring per node that remembers how far the node
         has moved over the turning surface, cut back to Coulomb's limit (return mapping).
 
         A force acts in both steps that meet where it is taken, so that its work needs the
@@ -68,7 +68,7 @@ def _touching(wound: bool) -> Callable[..., None]:
         x, v, slip, roll = points.position, points.velocity, points.slip, points.roll
         touching, contact_radius, below = points.touching, points.contact_radius, points.below
         if wound:
-            _press(begin, end, dt, surface.landing, points, k, ledger)
+            _press(begin, end, dt, surface, points, k)
         stick = k.stick_stiffness
         per_stick = 1.0 / stick
         dashpot = k.stick_damping / dt
@@ -122,7 +122,7 @@ def _touching(wound: bool) -> Callable[..., None]:
                 # Friction acts across the push, along the circumference and in the axis' plane.
                 up, along_z = normal + below[PUSHES + 2, i], below[PUSHES + 3, i]
                 normal += below[PUSHES + 1, i]
-                damped += below[PUSHES + 4, i]
+                damped += below[PUSHES + 5, i]
                 whole = math.sqrt(up * up + along_z * along_z)
                 tr, tz = (-along_z / whole, up / whole) if along_z != 0.0 else (0.0, 1.0)
             moved, aside = 0.0, 0.0
@@ -153,6 +153,9 @@ def _touching(wound: bool) -> Callable[..., None]:
                 fz -= dashpot * aside
             slip[0, i] = slip_t
             slip[1, i] = slip_z
+            if wound:
+                slid = dt * (vy * nx - vx * ny) - chord * radius
+                ft += below[PUSHES + 4, i]
             work += ft * radius
             radial, axial = normal, fz
             if wound:
@@ -164,12 +167,14 @@ def _touching(wound: bool) -> Callable[..., None]:
             pushed = gained * (net[0, i] * nx + net[1, i] * ny)
             bouncing -= damped * (outward + pushed)
             across = gained * net[2, i]
-            if wound:
-                bouncing -= below[PUSHES + 5, i] * (v[2, i] + across)
-                across = across * tz + pushed * tr
-            if grip > 0.0:
+            if wound or grip > 0.0:
                 along = gained * dt * (net[1, i] * nx - net[0, i] * ny)
                 along -= 0.5 * (turning - turned) * radius
+            if wound:
+                bouncing -= below[PUSHES + 6, i] * (v[2, i] + across)
+                bouncing -= below[PUSHES + 7, i] * (slid + along) / dt
+                across = across * tz + pushed * tr
+            if grip > 0.0:
                 sliding += grip * (way + moved * along + aside * dt * across)
             couple[i] = -fz * lever
         ledger[WORK_SURFACE] += 0.5 * work * (turned + turning)
@@ -186,13 +191,7 @@ touch_wound = _touching(wound=True)
 
 @called
 def _press(
-    begin: int,
-    end: int,
-    dt: float,
-    landing: float,
-    points: Points,
-    k: ContactLaw,
-    ledger: FloatArray,
+    begin: int, end: int, dt: float, surface: Surface, points: Points, k: ContactLaw
 ) -> None:
     """Write how the cable below pushes nodes, rows PUSHES and following of `Points.below`.
 
@@ -200,46 +199,74 @@ def _press(
         begin: First node.
         end: Last node + 1.
         dt: Time step [s].
-        landing: Radius at which free nodes touch the cylinder [m].
+        surface: Of the cylinder.
         points: The nodes.
         k: Constants.
-        ledger: Energies [J], added to where cable has turned up below a free node.
     """
     x, v, below = points.position, points.velocity, points.below
+    chord = math.sin(surface.turned) / dt
     for i in range(begin, end):
         if below[PUSHES, i] > 0.0:
             below[PUSHES:, i] = 0.0
-        if below[2, i] == 0.0:
+        if points.touching[i] == 0:
+            points.contact_radius[i] = surface.landing
+        if below[4, i] == 0.0:
             continue
-        held = points.touching[i] == 1
         px, py, vx, vy = x[0, i], x[1, i], v[0, i], v[1, i]
         radius = math.sqrt(px * px + py * py)
-        rising = (vx * px + vy * py - 0.5 * dt * (vx * vx + vy * vy)) / radius
         # A node's radius is larger by what makes up for chords, and for the depth of the springs:
         # in a valley that is twice as large as on the cylinder.
-        at = points.contact_radius[i] if held else landing
-        lower = (2.0 * at - k.chords - k.line) * k.line / radius
-        for first in range(0, PUSHES, BELOW_ROWS):
-            lean, apart = below[first + 2, i], below[first + 3, i]
-            if lean == 0.0:
+        lower = (2.0 * points.contact_radius[i] - k.chords - k.line) * k.line / radius
+        deeper, gone = 1.0 + lower / radius, below[GONE, i]
+        rising = (vx * px + vy * py - 0.5 * dt * (vx * vx + vy * vy)) / radius
+        going = (vy * px - vx * py) / radius - chord * radius
+        for first in range(0, GONE, BELOW_ROWS):
+            at, rise, slope = below[first, i], below[first + 2, i], below[first + 3, i]
+            apart = below[first + 4, i]
+            if apart == 0.0:
                 break
-            a = radius - lower - below[first, i]
-            b = lean * (x[2, i] - below[first + 1, i])
-            square = a * a + b * b
+            a = radius - lower - at - rise * gone
+            b = x[2, i] - below[first + 1, i] - slope * gone
+            along = (a * rise + b * slope) / (at * at + rise * rise + slope * slope)
+            square = a * a + b * b - along * (a * rise + b * slope)
             if square >= apart * apart:
                 continue
             far = math.sqrt(square)
-            a, b = a / far, lean * b / far
+            a, b = (a - along * rise) / far, (b - along * slope) / far
+            c = (a * rise + b * slope) / radius
+            a *= deeper
             elastic = k.beside_stiffness * (apart - far)
-            push = max(elastic - k.beside_damping * (rising * a + v[2, i] * b), 0.0)
-            if not held:
-                ledger[WORK_SURFACE] += 0.5 * elastic * (apart - far)
+            speed = rising * a + v[2, i] * b + going * c
+            push = max(elastic - k.beside_damping * speed, 0.0)
             below[PUSHES, i] = 1.0
             below[PUSHES + 1, i] += push
             below[PUSHES + 2, i] += push * a
             below[PUSHES + 3, i] += push * b
-            below[PUSHES + 4, i] += (push - elastic) * a
-            below[PUSHES + 5, i] += (push - elastic) * b
+            below[PUSHES + 4, i] += push * c
+            below[PUSHES + 5, i] += (push - elastic) * a
+            below[PUSHES + 6, i] += (push - elastic) * b
+            below[PUSHES + 7, i] += (push - elastic) * c
+
+
+@called
+def go_along(begin: int, end: int, dt: float, turned: float, points: Points) -> float:
+    """Add up how far nodes go over the cable below; return the farthest since the look [rad].
+
+    Args:
+        begin: First node.
+        end: Last node + 1.
+        dt: Time step [s], over.
+        turned: Rotation of the cylinder in it [rad].
+        points: The nodes.
+    """
+    x, v, below = points.position, points.velocity, points.below
+    chord, farthest = math.sin(turned), 0.0
+    for i in range(begin, end):
+        if below[4, i] > 0.0:
+            square = x[0, i] * x[0, i] + x[1, i] * x[1, i]
+            below[GONE, i] -= dt * (v[1, i] * x[0, i] - v[0, i] * x[1, i]) / square - chord
+            farthest = max(farthest, abs(below[GONE, i]))
+    return farthest
 
 
 @called

@@ -41,12 +41,14 @@ class Points(NamedTuple):
     # capacity) where there is none
 
 
-# Rows of `Points.below`: of each of the nearest centre lines radius [m], z [m], cosine of the lean,
-# 0 for none, and distance at which they touch [m]; then from the last step whether the node lies on
-# one, the sum of their pushes, radial and axial resultant and the dashpots' part of these [N].
-BELOW_ROWS, MOST_BELOW = 4, 4
-PUSHES = BELOW_ROWS * MOST_BELOW
-BELOW_HEIGHT = PUSHES + 6
+# Rows of `Points.below`: of each of the nearest centre lines radius [m], z [m], how both go with
+# the wound angle [m/rad], and distance at which they touch [m], 0 for none; then the wound angle
+# that the node has gone since the look [rad], and from the last step whether it lies on one, the
+# sum of their pushes, its parts along radius, axis and circumference and what dashpots push [N].
+BELOW_ROWS, MOST_BELOW = 5, 4
+GONE = BELOW_ROWS * MOST_BELOW
+PUSHES = GONE + 1
+BELOW_HEIGHT = PUSHES + 8
 
 
 # Share of the cylinder's stiffness that cable and flanges have, so that a node between two of them
@@ -252,13 +254,16 @@ def depths(points: Points, touch: ContactLaw) -> FloatArray:
     """Return how deep nodes lie [m] in the cylinder, in cable below and in a flange, (k, nodes)."""
     radius = np.hypot(points.position[0], points.position[1])
     found = [points.contact_radius - radius]
-    for first in range(0, min(points.below.shape[0], PUSHES), BELOW_ROWS):
-        below, z, lean, least = points.below[first : first + BELOW_ROWS]
+    found[0] *= points.touching == 1
+    for first in range(0, min(points.below.shape[0], GONE), BELOW_ROWS):
+        below, z, rise, slope, least = points.below[first : first + BELOW_ROWS]
+        gone = points.below[GONE]
         above = 2.0 * points.contact_radius - touch.chords - touch.line
         lower = above * touch.line / np.maximum(radius, touch.line)
-        apart = np.hypot(radius - lower - below, lean * (points.position[2] - z))
-        found.append(np.where(lean > 0.0, least - apart, 0.0))
-    touched = np.where(points.touching == 1, np.maximum(found, 0.0), 0.0)
+        up, aside = radius - lower - below - rise * gone, points.position[2] - z - slope * gone
+        along = (up * rise + aside * slope) ** 2 / (below**2 + rise**2 + slope**2 + (least == 0.0))
+        found.append(least - np.sqrt(np.maximum(up**2 + aside**2 - along, 0.0)))
+    touched = np.maximum(found, 0.0)
     z = points.position[2]
     beside = np.where(radius < touch.rim, np.maximum(touch.low - z, z - touch.high), 0.0)
     return np.vstack([touched, np.maximum(beside, 0.0)])

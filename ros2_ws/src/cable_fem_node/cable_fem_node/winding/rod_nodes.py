@@ -200,8 +200,17 @@ class RodNodes:
         """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
         return self.resting.path(self.reference[: self.live - 1], self.position)
 
-    def look(self, found: CableBelow) -> None:
-        """Take over what cable the integrated nodes may lie on, and until when."""
+    def look(self, found: CableBelow, landing: float) -> None:
+        """Take over what cable the integrated nodes may lie on, and until when.
+
+        Args:
+            found: The cable.
+            landing: Radius at which free nodes land [m].
+        """
+        if found.below.size:
+            free = slice(1, self.live)
+            radius = self.points.contact_radius[free]
+            radius[self.touching[free] == 0] = landing
         self.way = found.way
         self.below, self.room = (
             np.zeros((part.shape[0], self.touching.size)) for part in found[:2]

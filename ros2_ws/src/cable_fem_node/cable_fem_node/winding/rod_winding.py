@@ -309,7 +309,7 @@ class RodWinding(WindingModel):
         if over:
             wound.lift(begin)
         before = lying_energy(nodes.points, k.touch, nodes.live) if nodes.below.size else 0.0
-        nodes.look(found)
+        nodes.look(found, float(self._drive[LANDING]))
         if nodes.below.size:
             before -= lying_energy(nodes.points, k.touch, nodes.live)
         # Cable that turns up below is a surface that moves.
@@ -339,7 +339,7 @@ class RodWinding(WindingModel):
         if resting >= FEWEST_TO_REST:
             before = self._kinetic(nodes.points, resting + 1)
             self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
-            lying = lying_energy(nodes.points, self._constants.touch, resting + 1)
+            lying = lying_energy(nodes.points, self._constants.touch, resting)
             self._ledger[WORK_SURFACE] -= lying
             nodes.rest(resting, angle)
             self._lay(resting)

@@ -14,7 +14,12 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.contact_kernels import touch_cylinder, touch_flanges, touch_wound
+from cable_fem_node.dynamics.contact_kernels import (
+    go_along,
+    touch_cylinder,
+    touch_flanges,
+    touch_wound,
+)
 from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_RELAXATION,
@@ -64,6 +69,9 @@ from cable_fem_node.rod.rod_records import (
     Work,
 )
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
+
+# A node looks anew for cable below when it has gone so far over it, in distances of centre lines.
+GONE_AT = 0.1
 
 
 @called
@@ -401,6 +409,9 @@ def advance_winding(
             if not rx * rx + ry * ry + rz * rz <= k.stirred * k.stirred:
                 return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
         outside = int(abs(angle - drive[ANGLE, 0]) * k.contact_line > rod.way)
+        if cable.below.shape[0] > 0:
+            farthest = go_along(1, nodes - 1, dt, rotation, cable)
+            outside += int(farthest * k.contact_line > GONE_AT * k.touch.apart)
         if room.shape[0] > 0:
             for i in range(1, nodes - 1):
                 low = x[0, i] * x[0, i] + x[1, i] * x[1, i] < room[0, i]

@@ -14,8 +14,8 @@ from cable_fem_node.dynamics.state import BELOW_HEIGHT, BELOW_ROWS, MOST_BELOW, 
 TURN = 2.0 * math.pi
 # Lines along the cylinder that the cable's crossings are kept of.
 LINES = 128
-# Columns of a crossing: wound angle, place, radius, and how z goes with the angle.
-_THETA, _Z, _RADIUS, _SLOPE = range(4)
+# Columns of a crossing: wound angle, place, radius, and how both go with the angle.
+_THETA, _Z, _RADIUS, _SLOPE, _RISE = range(5)
 # In distances of touching centre lines: how far cable is sought, the gap to cable that a node may
 # come to lie on before the next look, the least gap of all nodes with which any of that matters,
 # and how far then a node may move across the cable, and the cable over the surface, which shifts
@@ -50,7 +50,7 @@ class WoundSurface:
         self._cell = 0.5 * apart
         self._first = 0  # Number of the cell that the map begins with
         self._top: NDArray[np.int64] = np.full((LINES, 16), -1, dtype=np.int64)
-        self._crossings = np.zeros((256, 4))
+        self._crossings = np.zeros((256, 5))
         self._before: NDArray[np.int64] = np.zeros(256, dtype=np.int64)
         self._count = 0
         self._highest = 0.0  # Radius of the centre line of any cable so far [m]
@@ -80,7 +80,7 @@ class WoundSurface:
         more = int((path[0, -1] - path[0, 0]) / TURN * LINES) + 2
         if self._count + more > len(self._before):
             room = 2 * (self._count + more)
-            self._crossings = np.resize(self._crossings, (room, 4))
+            self._crossings = np.resize(self._crossings, (room, 5))
             self._before = np.resize(self._before, room)
         self._count = _lay(
             path, self._cell, self._first, self._top, self._crossings, self._before, self._count
@@ -166,14 +166,14 @@ def _lay(
         if not way > 0.0:
             continue
         line = math.floor(theta[i - 1] / step) + 1
-        slope = (z[i] - z[i - 1]) / way
+        slope, rise = (z[i] - z[i - 1]) / way, (radius[i] - radius[i - 1]) / way
         while line * step <= theta[i]:
             share = (line * step - theta[i - 1]) / way
             at = z[i - 1] + share * (z[i] - z[i - 1])
             crossings[count, _THETA] = line * step
             crossings[count, _Z] = at
             crossings[count, _RADIUS] = radius[i - 1] + share * (radius[i] - radius[i - 1])
-            crossings[count, _SLOPE] = slope
+            crossings[count, _SLOPE], crossings[count, _RISE] = slope, rise
             column, row = math.floor(at / cell) - first, line % LINES
             before[count] = top[row, column]
             top[row, column] = count
@@ -253,17 +253,18 @@ def _note(
         radius: Of the node [m].
         z: Of the node [m].
         apart: Distance of touching centre lines [m].
-        crossing: As _THETA .. _SLOPE.
+        crossing: As _THETA .. _RISE.
         gaps: Within reach, to the nearest so far [m], ascending, changed.
         out: See `Points.below`, changed.
     """
-    slope, at = crossing[_SLOPE], crossing[_RADIUS]
-    lean = at / math.sqrt(at * at + slope * slope)
-    there = crossing[_Z] + slope * ahead
+    slope, rise = crossing[_SLOPE], crossing[_RISE]
+    at, there = crossing[_RADIUS] + rise * ahead, crossing[_Z] + slope * ahead
+    up, aside = radius - at, z - there
+    along = (up * rise + aside * slope) ** 2 / (at * at + rise * rise + slope * slope)
     # The end of the cable is round.
     beyond = min(crossing[_THETA] + ahead, 0.0) * at
     distance = math.sqrt(max(apart * apart - beyond * beyond, 0.0))
-    gap = math.sqrt((radius - at) ** 2 + (lean * (z - there)) ** 2 + beyond * beyond) - apart
+    gap = math.sqrt(up * up + aside * aside - along + beyond * beyond) - apart
     to = MOST_BELOW
     while to > 0 and gap < gaps[to - 1]:
         to -= 1
@@ -274,5 +275,6 @@ def _note(
         for r in range(BELOW_ROWS):
             out[BELOW_ROWS * other + r, i] = out[BELOW_ROWS * (other - 1) + r, i]
     gaps[to], to = gap, BELOW_ROWS * to
-    out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, lean, distance
+    out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, rise, slope
+    out[to + 4, i] = distance
     return gap
