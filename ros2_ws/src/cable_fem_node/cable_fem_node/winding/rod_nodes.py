@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.state import FloatArray, Points, empty_points
+from cable_fem_node.dynamics.state import BELOW_ROWS, GONE, FloatArray, Points, empty_points
 from cable_fem_node.rod.relaxation import branches_energy
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.rod.rod_records import (
@@ -279,6 +279,8 @@ class RodNodes:
         self.resting.put(first, angle, back, dt, points, reference, viscous)
         for all_nodes, integrated in zip(points, self.points, strict=True):
             all_nodes[..., first:] = integrated[..., : self.live]
+        elements = points.below[5:GONE:BELOW_ROWS]
+        elements[elements > 0.0] += first
         reference[first:] = self.reference[: self.live]
         viscous[:, first:] = self.viscous[:, : self.live]
         return WholeRod(cable=points, reference=reference, viscous=viscous, angle=angle)

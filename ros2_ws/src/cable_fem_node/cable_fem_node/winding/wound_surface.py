@@ -14,8 +14,9 @@ from cable_fem_node.dynamics.state import BELOW_HEIGHT, BELOW_ROWS, MOST_BELOW, 
 TURN = 2.0 * math.pi
 # Lines along the cylinder that the cable's crossings are kept of.
 LINES = 128
-# Columns of a crossing: wound angle, place, radius, and how both go with the angle.
-_THETA, _Z, _RADIUS, _SLOPE, _RISE = range(5)
+# Columns of a crossing: wound angle, place, radius, how both go with the angle, and number of the
+# integrated element, -1 of cable at rest.
+_THETA, _Z, _RADIUS, _SLOPE, _RISE, _ELEMENT = range(6)
 # In distances of touching centre lines: how far cable is sought, the gap to cable that a node may
 # come to lie on before the next look, the least gap of all nodes with which any of that matters,
 # and how far then a node may move across the cable, and the cable over the surface, which shifts
@@ -50,7 +51,7 @@ class WoundSurface:
         self._cell = 0.5 * apart
         self._first = 0  # Number of the cell that the map begins with
         self._top: NDArray[np.int64] = np.full((LINES, 16), -1, dtype=np.int64)
-        self._crossings = np.zeros((256, 5))
+        self._crossings = np.zeros((256, 6))
         self._before: NDArray[np.int64] = np.zeros(256, dtype=np.int64)
         self._count = 0
         self._highest = 0.0  # Radius of the centre line of any cable so far [m]
@@ -63,28 +64,29 @@ class WoundSurface:
         trial.below(path, np.zeros(2), np.ones(2, dtype=bool))
         trial.lift(0.0)
 
-    def lay(self, path: FloatArray) -> None:
+    def lay(self, path: FloatArray, rests: bool = True) -> None:
         """Add cable.
 
         Args:
             path: Wound angles of its nodes [rad], ascending, the node before them first; z [m];
                 radius of the centre line [m]; shape (3, n).
+            rests: Whether it rests; what does not gives way, but for its first element.
         """
+        element = -path.shape[1] - 1 if rests else 0
         if not self._count:
             # The end of the cable is sought from before it on.
             end = path[:, :1].copy()
             end[0] -= (1.0 + _SOUGHT) * self._apart / end[2] + TURN / LINES
-            path = np.concatenate([end, path], axis=1)
+            path, element = np.concatenate([end, path], axis=1), element - 1
         self._highest = max(self._highest, float(path[2].max()))
         self._make_room(float(path[1].min()), float(path[1].max()))
         more = int((path[0, -1] - path[0, 0]) / TURN * LINES) + 2
         if self._count + more > len(self._before):
             room = 2 * (self._count + more)
-            self._crossings = np.resize(self._crossings, (room, 5))
+            self._crossings = np.resize(self._crossings, (room, 6))
             self._before = np.resize(self._before, room)
-        self._count = _lay(
-            path, self._cell, self._first, self._top, self._crossings, self._before, self._count
-        )
+        surface = (self._cell, self._first, self._top, self._crossings, self._before)
+        self._count = _lay(path, element, *surface, self._count)
 
     def lift(self, theta: float) -> None:
         """Take off what was laid beyond a wound angle [rad]."""
@@ -151,6 +153,7 @@ def unrolled(theta: float, position: FloatArray) -> FloatArray:
 @kernel
 def _lay(
     path: FloatArray,
+    element: int,
     cell: float,
     first: int,
     top: IntArray,
@@ -174,6 +177,8 @@ def _lay(
             crossings[count, _Z] = at
             crossings[count, _RADIUS] = radius[i - 1] + share * (radius[i] - radius[i - 1])
             crossings[count, _SLOPE], crossings[count, _RISE] = slope, rise
+            number = element + i - 1
+            crossings[count, _ELEMENT] = number if number > 0 else -1
             column, row = math.floor(at / cell) - first, line % LINES
             before[count] = top[row, column]
             top[row, column] = count
@@ -228,7 +233,7 @@ def _below(
                 # Not the cable's own neighbourhood.
                 if theta[i] - crossings[k, _THETA] >= 0.5 * TURN:
                     ahead = theta[i] - line * step
-                    gap = _note(i, ahead, radius[i], z[i], apart, crossings[k], gaps, out)
+                    gap = _note(i, ahead, path, apart, crossings[k], gaps, out)
                     least[i] = min(least[i], gap)
                 k = before[k]
     return least
@@ -238,8 +243,7 @@ def _below(
 def _note(
     i: int,
     ahead: float,
-    radius: float,
-    z: float,
+    path: FloatArray,
     apart: float,
     crossing: FloatArray,
     gaps: FloatArray,
@@ -250,16 +254,15 @@ def _note(
     Args:
         i: Number of the node.
         ahead: Wound angle by which it is beyond the line [rad].
-        radius: Of the node [m].
-        z: Of the node [m].
+        path: Wound angles [rad], z and radii [m] of the nodes.
         apart: Distance of touching centre lines [m].
-        crossing: As _THETA .. _RISE.
+        crossing: As _THETA .. _ELEMENT.
         gaps: Within reach, to the nearest so far [m], ascending, changed.
         out: See `Points.below`, changed.
     """
     slope, rise = crossing[_SLOPE], crossing[_RISE]
     at, there = crossing[_RADIUS] + rise * ahead, crossing[_Z] + slope * ahead
-    up, aside = radius - at, z - there
+    up, aside = path[2, i] - at, path[1, i] - there
     along = (up * rise + aside * slope) ** 2 / (at * at + rise * rise + slope * slope)
     # The end of the cable is round.
     beyond = min(crossing[_THETA] + ahead, 0.0) * at
@@ -276,5 +279,9 @@ def _note(
             out[BELOW_ROWS * other + r, i] = out[BELOW_ROWS * (other - 1) + r, i]
     gaps[to], to = gap, BELOW_ROWS * to
     out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, rise, slope
-    out[to + 4, i] = distance
+    out[to + 4, i], out[to + 5, i], out[to + 6, i] = distance, crossing[_ELEMENT], 0.0
+    element = int(crossing[_ELEMENT])
+    if element >= 0:
+        begin = path[0, element]
+        out[to + 6, i] = (crossing[_THETA] + ahead - begin) / (path[0, element + 1] - begin)
     return gap
