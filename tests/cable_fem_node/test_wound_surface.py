@@ -140,10 +140,20 @@ def test_layers_that_cross_rise_by_the_mean_of_their_crossings(pitch):
 
 
 @pytest.mark.campaign
-def test_turns_come_to_lie_as_in_a_dense_solution():
-    turns, pitch, friction = 5.5, 1.1, 1.0
-    model = wound(2 * turns, pitch * DIAMETER, drum(turns * pitch + 1.0), friction=friction)
+@pytest.mark.parametrize(
+    ("pitch", "friction", "within"),
+    # Friction of 1 holds cable where it lands: all of it lies within the specification's bar. With
+    # the paper's friction gaps close and cable falls through those that open: turns that leap at
+    # another angle are farther apart there, 0.10 and 0.13 of the second layer.
+    [(1.1, 1.0, 1.0), (1.1, 0.1, 0.85), (1.3, 0.1, 0.8)],
+)
+def test_turns_come_to_lie_as_in_a_dense_solution(pitch, friction, within):
+    turns = 5.5
+    between = drum(turns * pitch + 1.0)
+    # Cable that gives way for as long as it is wound over must not rest.
+    model = wound(2 * turns, pitch * DIAMETER, between, friction=friction, rests=friction > 0.5)
     theta, z, height = laid(model)
+    assert abs(model.energy.balance_pct) < 0.1
     resolved, width = model.config.resolved, turns * pitch
     bending = resolved.constants.bending / (resolved.tension * DIAMETER**2)
     dense = dense_lay(
@@ -162,7 +172,15 @@ def test_turns_come_to_lie_as_in_a_dense_solution():
         aside = np.interp(at, theta, z) - np.interp(at, dense[0], dense[1])
         up = np.interp(at, theta, height) - np.interp(at, dense[0], dense[2]) + RHO / DIAMETER
         # The specification's bar.
-        assert np.hypot(aside, up).max() < 0.1
+        assert (np.hypot(aside, up) < 0.1).mean() >= within
+
+
+@pytest.mark.slow
+def test_cable_that_slides_over_cable_leaves_the_ledger_closed():
+    turns, pitch = 3.5, 1.2
+    model = wound(3 * turns, pitch * DIAMETER, drum(turns * pitch + 1.0), friction=0.1)
+    # The specification's bar; a surface that moved at every look had it open by 0.4 to 2 %.
+    assert abs(model.energy.balance_pct) < 0.1
 
 
 @pytest.mark.slow

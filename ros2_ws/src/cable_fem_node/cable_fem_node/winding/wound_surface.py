@@ -266,7 +266,8 @@ def _note(
     along = (up * rise + aside * slope) ** 2 / (at * at + rise * rise + slope * slope)
     # The end of the cable is round.
     beyond = min(crossing[_THETA] + ahead, 0.0) * at
-    distance = math.sqrt(max(apart * apart - beyond * beyond, 0.0))
+    # Zero would be none at all.
+    distance = math.sqrt(max(apart * apart - beyond * beyond, 1.0e-12 * apart * apart))
     gap = math.sqrt(up * up + aside * aside - along + beyond * beyond) - apart
     to = MOST_BELOW
     while to > 0 and gap < gaps[to - 1]:
