@@ -41,12 +41,17 @@ class Points(NamedTuple):
     # capacity) where there is none
 
 
-# Rows of `Points.below`: of each of the nearest centre lines radius [m], z [m], cosine of the lean,
-# 0 for none, and distance at which they touch [m]; then from the last step whether the node lies on
-# one, the sum of their pushes, radial and axial resultant and the dashpots' part of these [N].
-BELOW_ROWS, MOST_BELOW = 4, 4
-PUSHES = BELOW_ROWS * MOST_BELOW
-BELOW_HEIGHT = PUSHES + 6
+# Rows of `Points.below`: of each of the nearest centre lines radius [m], z [m], how both go with
+# the wound angle [m/rad], distance at which they touch [m], 0 for none, number of the element that
+# it is of, -1 of cable at rest, share of the way along that, and its push in the last step [N].
+BELOW_ROWS, MOST_BELOW = 8, 4
+# Then the wound angle that the node has gone since the look [rad], and from the last step whether
+# it lies on one, the sum of their pushes and its parts along radius, axis and circumference [N],
+# those of all dashpots on the node [N], and the sums of pushes times the rates of what moves below:
+# of its radius and z [N m/s], and of its angle over the surface [N rad/s].
+GONE = BELOW_ROWS * MOST_BELOW
+PUSHES = GONE + 1
+BELOW_HEIGHT = PUSHES + 11
 
 
 # Share of the cylinder's stiffness that cable and flanges have, so that a node between two of them
@@ -251,14 +256,27 @@ def lying_energy(points: Points, touch: ContactLaw, nodes: int) -> float:
 def depths(points: Points, touch: ContactLaw) -> FloatArray:
     """Return how deep nodes lie [m] in the cylinder, in cable below and in a flange, (k, nodes)."""
     radius = np.hypot(points.position[0], points.position[1])
+    chords = (touch.chords - touch.line) * touch.line / np.maximum(radius, touch.line)
     found = [points.contact_radius - radius]
-    for first in range(0, min(points.below.shape[0], PUSHES), BELOW_ROWS):
-        below, z, lean, least = points.below[first : first + BELOW_ROWS]
+    found[0] *= points.touching == 1
+    for first in range(0, min(points.below.shape[0], GONE), BELOW_ROWS):
+        below, z, rise, slope, least, element, share = points.below[first : first + BELOW_ROWS - 1]
+        behind, moves = element.astype(np.int64), element >= 0.0
+        at, there, gone = (
+            np.where(moves, row[behind] + share * (row[behind + 1] - row[behind]), held)
+            for row, held in (
+                (radius - chords, below),
+                (points.position[2], z),
+                (points.below[GONE], 0.0),
+            )
+        )
+        gone = points.below[GONE] - gone
         above = 2.0 * points.contact_radius - touch.chords - touch.line
         lower = above * touch.line / np.maximum(radius, touch.line)
-        apart = np.hypot(radius - lower - below, lean * (points.position[2] - z))
-        found.append(np.where(lean > 0.0, least - apart, 0.0))
-    touched = np.where(points.touching == 1, np.maximum(found, 0.0), 0.0)
+        up, aside = radius - lower - at - rise * gone, points.position[2] - there - slope * gone
+        along = (up * rise + aside * slope) ** 2 / (below**2 + rise**2 + slope**2 + (least == 0.0))
+        found.append(least - np.sqrt(np.maximum(up**2 + aside**2 - along, 0.0)))
+    touched = np.maximum(found, 0.0)
     z = points.position[2]
     beside = np.where(radius < touch.rim, np.maximum(touch.low - z, z - touch.high), 0.0)
     return np.vstack([touched, np.maximum(beside, 0.0)])

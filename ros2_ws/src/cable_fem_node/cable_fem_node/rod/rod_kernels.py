@@ -16,8 +16,8 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.state import FloatArray
-from cable_fem_node.rod.rod_records import AxialResponse, Work
+from cable_fem_node.dynamics.state import FloatArray, Points
+from cable_fem_node.rod.rod_records import AxialResponse, Constants, Work
 
 
 @called
@@ -233,3 +233,29 @@ def bending_energy(
         mean = 0.5 * (reference[i - 1] + reference[i])
         total += 0.5 * bending * turning_angle_squared(1.0 - cosine[i]) / mean
     return total
+
+
+@called
+def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants) -> None:
+    """Take one step of the cable's rotation about its own axis.
+
+    The roll angle counts from the surface normal, so a wound helix twists by its geodesic
+    torsion even where the cable does not roll. Node 0 is held, the guide lets the cable spin.
+    """
+    roll, touching, tangent = cable.roll, cable.touching, work.tangent
+    decay = 1.0 - k.damping_rate * dt
+    before = 0.0
+    for i in range(elements):
+        after = 0.0
+        if i < elements - 1:
+            twist = (roll[0, i + 1] - roll[0, i]) / k.segment
+            if touching[i] == 1 and touching[i + 1] == 1:
+                level = math.sqrt(tangent[0, i] ** 2 + tangent[1, i] ** 2)
+                twist -= tangent[2, i] * level / k.contact_line
+            after = k.torsion * twist
+        if i > 0:
+            torque = work.couple[i] + after - before
+            roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
+        before = after
+    for i in range(1, elements):
+        roll[0, i] += dt * roll[1, i]

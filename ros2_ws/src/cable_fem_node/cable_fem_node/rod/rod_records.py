@@ -23,6 +23,10 @@ DIVERGED = 2
 EMPTY = 3
 STIRRED = 4
 LOOK = 5
+# Motion over the surface that resting cable must follow where cable lies on cable, which gives way
+# for as long as it is wound over: a thousandth of the distance of centre lines. It is promised a
+# hundredth a layer.
+STIRRED_ON_CABLE = 1.0e-3
 # An element is cut from the span's last one at this many segment lengths, given back below that.
 CUT_AT = 1.6
 MERGE_AT = 0.4

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.state import FloatArray, Points, empty_points
+from cable_fem_node.dynamics.state import BELOW_ROWS, GONE, FloatArray, Points, empty_points
 from cable_fem_node.rod.relaxation import branches_energy
 from cable_fem_node.rod.rod_kernels import bending_energy, stored_energy
 from cable_fem_node.rod.rod_records import (
@@ -200,8 +200,17 @@ class RodNodes:
         """Return (s [m], theta [rad], z [m]) of all nodes, as views that the next call changes."""
         return self.resting.path(self.reference[: self.live - 1], self.position)
 
-    def look(self, found: CableBelow) -> None:
-        """Take over what cable the integrated nodes may lie on, and until when."""
+    def look(self, found: CableBelow, landing: float) -> None:
+        """Take over what cable the integrated nodes may lie on, and until when.
+
+        Args:
+            found: The cable.
+            landing: Radius at which free nodes land [m].
+        """
+        if found.below.size:
+            free = slice(1, self.live)
+            radius = self.points.contact_radius[free]
+            radius[self.touching[free] == 0] = landing
         self.way = found.way
         self.below, self.room = (
             np.zeros((part.shape[0], self.touching.size)) for part in found[:2]
@@ -270,6 +279,8 @@ class RodNodes:
         self.resting.put(first, angle, back, dt, points, reference, viscous)
         for all_nodes, integrated in zip(points, self.points, strict=True):
             all_nodes[..., first:] = integrated[..., : self.live]
+        elements = points.below[5:GONE:BELOW_ROWS]
+        elements[elements > 0.0] += first
         reference[first:] = self.reference[: self.live]
         viscous[:, first:] = self.viscous[:, : self.live]
         return WholeRod(cable=points, reference=reference, viscous=viscous, angle=angle)

@@ -31,10 +31,12 @@ from cable_fem_node.rod.rod_records import (
     LANDING,
     RUNNING,
     STIRRED,
+    STIRRED_ON_CABLE,
     TENSION,
     part_way,
 )
 from cable_fem_node.winding import resting_cable
+from cable_fem_node.winding.resolved_model import STILL_SHARE, STIRRED_SHARE
 from cable_fem_node.winding.resting_cable import Fading, turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy
 from cable_fem_node.winding.validity import refuse, rod_checks
@@ -67,10 +69,11 @@ class Stillness:
 
     Args:
         tolerance: Motion between two looks of a node that counts as still [m].
+        on_cable: The same where cable lies on cable [m].
     """
 
-    def __init__(self, tolerance: float) -> None:
-        self._tolerance = tolerance
+    def __init__(self, tolerance: float, on_cable: float) -> None:
+        self._tolerance, self._on_cable = tolerance, on_cable
         self._seen = np.zeros((3, 0))
         self._next = 0.0
 
@@ -87,18 +90,20 @@ class Stillness:
         self.begin_anew()
         self._next = t + AWAKE_FOR
 
-    def look(self, t: float, place: FloatArray) -> int:
+    def look(self, t: float, place: FloatArray, lies: bool) -> int:
         """Return how many nodes, from the first on, are where they were at the look before.
 
         Args:
             t: Time [s].
             place: Of the nodes in the frame of the cylinder [m], shape (3, n).
+            lies: Whether cable lies on cable.
         """
+        tolerance = self._on_cable if lies else self._tolerance
         both = min(place.shape[1], self._seen.shape[1])
         moved = ((place[:, :both] - self._seen[:, :both]) ** 2).sum(axis=0)
         self._seen = place
         self._next = t + LOOK_PERIOD
-        restless = np.flatnonzero(~(moved <= self._tolerance**2))
+        restless = np.flatnonzero(~(moved <= tolerance**2))
         return int(restless[0]) if restless.size else both
 
 
@@ -139,7 +144,8 @@ class RodWinding(WindingModel):
         )
         self._surface_rate = 0.0
         self._last_step = self.step_limit
-        self._stillness = Stillness(resolved.still)
+        on_cable = STILL_SHARE / STIRRED_SHARE * STIRRED_ON_CABLE * resolved.constants.touch.apart
+        self._stillness = Stillness(resolved.still, on_cable)
         self._wound = WoundSurface(self._constants.touch.apart)
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
         self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
@@ -275,6 +281,7 @@ class RodWinding(WindingModel):
                     f"the span was pulled back to the cylinder before t = {t:.6g} s: "
                     "no element left"
                 )
+            lying = self._lying() if end.status != RUNNING else 0.0
             before = part[ANGLE, 0]
             if end.status != RUNNING:
                 part = part_way(part, end.steps * dt / left, left)
@@ -285,12 +292,19 @@ class RodWinding(WindingModel):
             elif end.status in (STIRRED, EMPTY):
                 self._wake(t, t - left, float(part[ANGLE, 0]))
             if end.status != RUNNING:
-                self._find_below()
+                self._find_below(lying)
         if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
             self._look(t, float(drive[ANGLE, 1]))
 
-    def _find_below(self) -> None:
-        """Look up which cable the integrated nodes may lie on."""
+    def _lying(self) -> float:
+        """Return the energy [J] in the springs between the integrated nodes and cable below."""
+        nodes = self._nodes
+        if not nodes.below.size:
+            return 0.0
+        return lying_energy(nodes.points, self._constants.touch, nodes.live)
+
+    def _find_below(self, lying: float) -> None:
+        """Look up which cable the integrated nodes may lie on, at an energy on that so far [J]."""
         nodes, k, wound = self._nodes, self._constants, self._wound
         begin = float(nodes.resting.row(resting_cable.THETA)[-1])
         path = unrolled(begin, nodes.position)
@@ -301,19 +315,16 @@ class RodWinding(WindingModel):
         # Laid cable is lain on though it is still integrated.
         over = farthest - begin > turn
         if over:
-            wound.lay(self._lines(path[:, : nodes.laid()]))
+            wound.lay(self._lines(path[:, : nodes.laid()]), rests=False)
         # As `touch_wound` sees them: chords join the nodes, and springs carry them.
         sunk = 2.0 * self._drive[LANDING] - k.start_radius - k.contact_line
         free = nodes.touching[: nodes.live] == 0
         found = wound.below(path, sunk * k.contact_line / path[2], free)
         if over:
             wound.lift(begin)
-        before = lying_energy(nodes.points, k.touch, nodes.live) if nodes.below.size else 0.0
-        nodes.look(found)
-        if nodes.below.size:
-            before -= lying_energy(nodes.points, k.touch, nodes.live)
+        nodes.look(found, float(self._drive[LANDING]))
         # Cable that turns up below is a surface that moves.
-        self._ledger[WORK_SURFACE] -= before
+        self._ledger[WORK_SURFACE] += self._lying() - lying
 
     def _lay(self, nodes: int) -> None:
         """Add the last resting nodes to the wound surface."""
@@ -334,15 +345,16 @@ class RodWinding(WindingModel):
         # Between cable that it lies on, cable may bridge a gap.
         off = np.flatnonzero((nodes.touching[1:candidates] == 0) & (not nodes.below.size))
         held = 1 + int(off[0]) if off.size else candidates
-        still = self._stillness.look(t, nodes.place(held, angle))
+        still = self._stillness.look(t, nodes.place(held, angle), nodes.below.size > 0)
         resting = still - 1 - WATCHED
         if resting >= FEWEST_TO_REST:
             before = self._kinetic(nodes.points, resting + 1)
             self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
-            lying = lying_energy(nodes.points, self._constants.touch, resting + 1)
-            self._ledger[WORK_SURFACE] -= lying
+            lying = self._lying()
             nodes.rest(resting, angle)
             self._lay(resting)
+            if nodes.below.size:
+                self._find_below(lying)
             self._ledger[WORK_TIE] -= before
             self._stillness.begin_anew()
 

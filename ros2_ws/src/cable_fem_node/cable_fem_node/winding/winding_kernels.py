@@ -14,7 +14,12 @@ import math
 import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.contact_kernels import touch_cylinder, touch_flanges, touch_wound
+from cable_fem_node.dynamics.contact_kernels import (
+    go_along,
+    touch_cylinder,
+    touch_flanges,
+    touch_wound,
+)
 from cable_fem_node.dynamics.state import (
     LOSS_DAMPING,
     LOSS_RELAXATION,
@@ -33,6 +38,7 @@ from cable_fem_node.rod.rod_kernels import (
     element_force,
     empty_work,
     law_energy,
+    roll_nodes,
     stretch_elements,
 )
 from cable_fem_node.rod.rod_records import (
@@ -50,6 +56,7 @@ from cable_fem_node.rod.rod_records import (
     RUNNING,
     SPEED,
     STIRRED,
+    STIRRED_ON_CABLE,
     STRETCH,
     TENSION,
     TIE_ALONG,
@@ -64,6 +71,9 @@ from cable_fem_node.rod.rod_records import (
     Work,
 )
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
+
+# A node looks anew for cable below when it has gone so far over it, in distances of centre lines.
+GONE_AT = 0.1
 
 
 @called
@@ -177,32 +187,6 @@ def move_nodes(
 
 
 @called
-def roll_nodes(elements: int, dt: float, cable: Points, work: Work, k: Constants) -> None:
-    """Take one step of the cable's rotation about its own axis.
-
-    The roll angle counts from the surface normal, so a wound helix twists by its geodesic
-    torsion even where the cable does not roll. Node 0 is held, the guide lets the cable spin.
-    """
-    roll, touching, tangent = cable.roll, cable.touching, work.tangent
-    decay = 1.0 - k.damping_rate * dt
-    before = 0.0
-    for i in range(elements):
-        after = 0.0
-        if i < elements - 1:
-            twist = (roll[0, i + 1] - roll[0, i]) / k.segment
-            if touching[i] == 1 and touching[i + 1] == 1:
-                level = math.sqrt(tangent[0, i] ** 2 + tangent[1, i] ** 2)
-                twist -= tangent[2, i] * level / k.contact_line
-            after = k.torsion * twist
-        if i > 0:
-            torque = work.couple[i] + after - before
-            roll[1, i] = decay * roll[1, i] + dt * torque / k.roll_inertia
-        before = after
-    for i in range(1, elements):
-        roll[0, i] += dt * roll[1, i]
-
-
-@called
 def landing_node(elements: int, touching: IntArray) -> int:
     """Return the outermost node that touches, 0 for none."""
     node = elements - 1
@@ -266,6 +250,8 @@ def advance_winding(
     cosine, sine = math.cos(angle), math.sin(angle)
     first[2] = tie[TIE_ALONG, 2]
     taken, status = steps, RUNNING
+    lies = cable.below.shape[0] > 0
+    stirred = STIRRED_ON_CABLE * k.touch.apart if lies else k.stirred
 
     for step in range(steps):
         # A step is not begun that could not end with an element cut.
@@ -320,7 +306,7 @@ def advance_winding(
             # Cable that creeps would creep on while its node is free, by more than bending takes.
             gripped=edge - k.late if rate > 0.0 and terms == 0 else nodes,
         )
-        if cable.below.shape[0] > 0:
+        if lies:
             touch_wound(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
         else:
             touch_cylinder(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
@@ -398,9 +384,12 @@ def advance_winding(
             rx = x[0, watched] - cosine * tie[TIE_WATCHED, 0] + sine * tie[TIE_WATCHED, 1]
             ry = x[1, watched] - sine * tie[TIE_WATCHED, 0] - cosine * tie[TIE_WATCHED, 1]
             rz = x[2, watched] - tie[TIE_WATCHED, 2]
-            if not rx * rx + ry * ry + rz * rz <= k.stirred * k.stirred:
+            if not rx * rx + ry * ry + rz * rz <= stirred * stirred:
                 return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
         outside = int(abs(angle - drive[ANGLE, 0]) * k.contact_line > rod.way)
+        if lies:
+            farthest = go_along(1, nodes - 1, dt, rotation, cable)
+            outside += int(farthest * k.contact_line > GONE_AT * k.touch.apart)
         if room.shape[0] > 0:
             for i in range(1, nodes - 1):
                 low = x[0, i] * x[0, i] + x[1, i] * x[1, i] < room[0, i]

@@ -14,8 +14,9 @@ from cable_fem_node.dynamics.state import BELOW_HEIGHT, BELOW_ROWS, MOST_BELOW, 
 TURN = 2.0 * math.pi
 # Lines along the cylinder that the cable's crossings are kept of.
 LINES = 128
-# Columns of a crossing: wound angle, place, radius, and how z goes with the angle.
-_THETA, _Z, _RADIUS, _SLOPE = range(4)
+# Columns of a crossing: wound angle, place, radius, how both go with the angle, and number of the
+# integrated element, -1 of cable at rest.
+_THETA, _Z, _RADIUS, _SLOPE, _RISE, _ELEMENT = range(6)
 # In distances of touching centre lines: how far cable is sought, the gap to cable that a node may
 # come to lie on before the next look, the least gap of all nodes with which any of that matters,
 # and how far then a node may move across the cable, and the cable over the surface, which shifts
@@ -50,7 +51,7 @@ class WoundSurface:
         self._cell = 0.5 * apart
         self._first = 0  # Number of the cell that the map begins with
         self._top: NDArray[np.int64] = np.full((LINES, 16), -1, dtype=np.int64)
-        self._crossings = np.zeros((256, 4))
+        self._crossings = np.zeros((256, 6))
         self._before: NDArray[np.int64] = np.zeros(256, dtype=np.int64)
         self._count = 0
         self._highest = 0.0  # Radius of the centre line of any cable so far [m]
@@ -63,28 +64,29 @@ class WoundSurface:
         trial.below(path, np.zeros(2), np.ones(2, dtype=bool))
         trial.lift(0.0)
 
-    def lay(self, path: FloatArray) -> None:
+    def lay(self, path: FloatArray, rests: bool = True) -> None:
         """Add cable.
 
         Args:
             path: Wound angles of its nodes [rad], ascending, the node before them first; z [m];
                 radius of the centre line [m]; shape (3, n).
+            rests: Whether it rests; what does not gives way, but for its first element.
         """
+        element = -path.shape[1] - 1 if rests else 0
         if not self._count:
             # The end of the cable is sought from before it on.
             end = path[:, :1].copy()
             end[0] -= (1.0 + _SOUGHT) * self._apart / end[2] + TURN / LINES
-            path = np.concatenate([end, path], axis=1)
+            path, element = np.concatenate([end, path], axis=1), element - 1
         self._highest = max(self._highest, float(path[2].max()))
         self._make_room(float(path[1].min()), float(path[1].max()))
         more = int((path[0, -1] - path[0, 0]) / TURN * LINES) + 2
         if self._count + more > len(self._before):
             room = 2 * (self._count + more)
-            self._crossings = np.resize(self._crossings, (room, 4))
+            self._crossings = np.resize(self._crossings, (room, 6))
             self._before = np.resize(self._before, room)
-        self._count = _lay(
-            path, self._cell, self._first, self._top, self._crossings, self._before, self._count
-        )
+        surface = (self._cell, self._first, self._top, self._crossings, self._before)
+        self._count = _lay(path, element, *surface, self._count)
 
     def lift(self, theta: float) -> None:
         """Take off what was laid beyond a wound angle [rad]."""
@@ -151,6 +153,7 @@ def unrolled(theta: float, position: FloatArray) -> FloatArray:
 @kernel
 def _lay(
     path: FloatArray,
+    element: int,
     cell: float,
     first: int,
     top: IntArray,
@@ -166,14 +169,16 @@ def _lay(
         if not way > 0.0:
             continue
         line = math.floor(theta[i - 1] / step) + 1
-        slope = (z[i] - z[i - 1]) / way
+        slope, rise = (z[i] - z[i - 1]) / way, (radius[i] - radius[i - 1]) / way
         while line * step <= theta[i]:
             share = (line * step - theta[i - 1]) / way
             at = z[i - 1] + share * (z[i] - z[i - 1])
             crossings[count, _THETA] = line * step
             crossings[count, _Z] = at
             crossings[count, _RADIUS] = radius[i - 1] + share * (radius[i] - radius[i - 1])
-            crossings[count, _SLOPE] = slope
+            crossings[count, _SLOPE], crossings[count, _RISE] = slope, rise
+            number = element + i - 1
+            crossings[count, _ELEMENT] = number if number > 0 else -1
             column, row = math.floor(at / cell) - first, line % LINES
             before[count] = top[row, column]
             top[row, column] = count
@@ -228,7 +233,7 @@ def _below(
                 # Not the cable's own neighbourhood.
                 if theta[i] - crossings[k, _THETA] >= 0.5 * TURN:
                     ahead = theta[i] - line * step
-                    gap = _note(i, ahead, radius[i], z[i], apart, crossings[k], gaps, out)
+                    gap = _note(i, ahead, path, apart, crossings[k], gaps, out)
                     least[i] = min(least[i], gap)
                 k = before[k]
     return least
@@ -238,8 +243,7 @@ def _below(
 def _note(
     i: int,
     ahead: float,
-    radius: float,
-    z: float,
+    path: FloatArray,
     apart: float,
     crossing: FloatArray,
     gaps: FloatArray,
@@ -250,20 +254,21 @@ def _note(
     Args:
         i: Number of the node.
         ahead: Wound angle by which it is beyond the line [rad].
-        radius: Of the node [m].
-        z: Of the node [m].
+        path: Wound angles [rad], z and radii [m] of the nodes.
         apart: Distance of touching centre lines [m].
-        crossing: As _THETA .. _SLOPE.
+        crossing: As _THETA .. _ELEMENT.
         gaps: Within reach, to the nearest so far [m], ascending, changed.
         out: See `Points.below`, changed.
     """
-    slope, at = crossing[_SLOPE], crossing[_RADIUS]
-    lean = at / math.sqrt(at * at + slope * slope)
-    there = crossing[_Z] + slope * ahead
+    slope, rise = crossing[_SLOPE], crossing[_RISE]
+    at, there = crossing[_RADIUS] + rise * ahead, crossing[_Z] + slope * ahead
+    up, aside = path[2, i] - at, path[1, i] - there
+    along = (up * rise + aside * slope) ** 2 / (at * at + rise * rise + slope * slope)
     # The end of the cable is round.
     beyond = min(crossing[_THETA] + ahead, 0.0) * at
-    distance = math.sqrt(max(apart * apart - beyond * beyond, 0.0))
-    gap = math.sqrt((radius - at) ** 2 + (lean * (z - there)) ** 2 + beyond * beyond) - apart
+    # Zero would be none at all.
+    distance = math.sqrt(max(apart * apart - beyond * beyond, 1.0e-12 * apart * apart))
+    gap = math.sqrt(up * up + aside * aside - along + beyond * beyond) - apart
     to = MOST_BELOW
     while to > 0 and gap < gaps[to - 1]:
         to -= 1
@@ -274,5 +279,10 @@ def _note(
         for r in range(BELOW_ROWS):
             out[BELOW_ROWS * other + r, i] = out[BELOW_ROWS * (other - 1) + r, i]
     gaps[to], to = gap, BELOW_ROWS * to
-    out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, lean, distance
+    out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, rise, slope
+    out[to + 4, i], out[to + 5, i], out[to + 6, i] = distance, crossing[_ELEMENT], 0.0
+    element = int(crossing[_ELEMENT])
+    if element >= 0:
+        begin = path[0, element]
+        out[to + 6, i] = (crossing[_THETA] + ahead - begin) / (path[0, element + 1] - begin)
     return gap
