@@ -114,16 +114,15 @@ def test_a_right_configuration_is_neither_contradicted_nor_corrected(seed: int) 
 
 
 def test_what_no_number_explains_alone_counts_in_the_deviations() -> None:
-    seen = sightings(RAMPED, (WrongNumber(number="cylinder_diameter", size=0.01),), 7)
-    found, mended = explained(seen)
+    found, mended = explained(
+        sightings(RAMPED, (WrongNumber(number="cylinder_diameter", size=0.01),), 7)
+    )
     assert found == ()
     assert mended is not None
     assert not mended.carried
-    problem = Problem(seen)
-    away = np.abs(problem.places(problem.start) - RAMPED.markers)
-    # What is published stays as it is seen; noise of 0.07 px leaves so much of a mean.
-    assert (away < 3.0 * np.sqrt(mended.doubt) + [[1.0e-3], [6.0e-5]]).all()
-    assert (np.sqrt(mended.doubt[1, 2:]) > 2.0e-5).all()
+    assert not mended.errors.any()
+    # Errors of camera and cylinder within their doubts would move the last marker by 0.1 mm.
+    assert np.sqrt(mended.doubt[1, -1]) > 5.0e-5
 
 
 def test_at_constant_speed_scale_and_times_are_named_together() -> None:

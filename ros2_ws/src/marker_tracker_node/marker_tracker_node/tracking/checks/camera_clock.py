@@ -41,7 +41,7 @@ SCATTER, SYSTEMATIC = 1.0e-3, 2.5e-4
 FACING = 4
 # Of weights that fall with the misfit, which change little after these.
 STEPS = 4
-# Frames from one estimate to the next.
+# Frames from one estimate to the next; a known one waits for as many of those.
 REFINED_EVERY = 6
 # An estimate is replaced by a worse one only as far as clocks may have drifted since [s/s].
 DRIFT = NUMBERS[TIMES].doubt
@@ -102,7 +102,7 @@ class ClockOffset:
         for n in np.flatnonzero(np.isfinite(azimuths)):
             self._store(int(n), t, float(azimuths[n]))
         self._frames += 1
-        if self._frames % REFINED_EVERY == 0:
+        if self._frames % REFINED_EVERY ** (1 + self.estimate.known) == 0:
             self._refine()
 
     def _store(self, n: int, t: float, azimuth: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,11 +12,17 @@ from marker_tracker_node.tracking.estimator.carried import carried_correction, d
 from marker_tracker_node.tracking.estimator.fit import SURE, fitted
 from marker_tracker_node.tracking.estimator.numbers import COUNT, FOCAL, SCALE, TILT, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
-from marker_tracker_node.tracking.estimator.verdict import AS_WELL, DEPENDENT, EXPLAINED, Verdict
+from marker_tracker_node.tracking.estimator.verdict import (
+    AS_WELL,
+    DEPENDENT,
+    EXPLAINED,
+    LEAST_ALONE,
+    Verdict,
+)
 
-# Right numbers of 101 consistent films came to 5.4 deviations of the data, once to 6.3 along an
-# axis on which positions hardly depend.
-_CARRIED = 5.5
+# What explains alone is carried: right numbers of 101 consistent films came to 5.4 deviations of
+# the data, once to 6.3 along an axis on which positions hardly depend.
+_CARRIED = math.sqrt(LEAST_ALONE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,16 +80,17 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     if not clear[0]:
         # From P0 all others are counted.
         return None
-    places = problem.places(x)
-    doubt = np.zeros_like(places)
-    if doubtful:
-        # What is left out counts as error, and what explains the sightings as well may be wrong.
-        doubt += np.diag(follow @ covariance @ follow.T)[: places.size].reshape(places.shape)
-        # The alternatives are named as equals, the configured numbers by their likelihood.
-        beyond = np.array([one.cost for one in verdict.fits]) - fit.cost
-        likely = np.exp(-0.5 * beyond / [DEPENDENT, *[AS_WELL] * (beyond.size - 1)])
-        away = [np.square(problem.places(one.x) - problem.places(fit.x)) for one in verdict.fits]
-        doubt += np.einsum("f,fpm->pm", likely / likely.sum(), away)
+    places, best = problem.places(x), problem.places(fit.x)
+    # What is not taken counts as error.
+    doubt = np.square(places - best)
+    if moved.any():
+        doubt = np.diag(follow @ covariance @ follow.T)[: places.size].reshape(places.shape)
+    # What explains the sightings as well may be what is wrong: alternatives are named as equals,
+    # the configured numbers count by their likelihood.
+    beyond = np.array([one.cost for one in verdict.fits]) - fit.cost
+    likely = np.exp(-0.5 * beyond / [DEPENDENT, *[AS_WELL] * (beyond.size - 1)])
+    away = [np.square(problem.places(one.x) - best) for one in verdict.fits]
+    doubt = doubt + np.einsum("f,fpm->pm", likely / likely.sum(), away)
     return Correction(
         carried=bool(moved.any()),
         posed=not others or any(TILT <= one.number < FOCAL for one in others),
@@ -91,6 +99,6 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         unexplained=problem.markers[~clear],
         theta=places[0, clear],
         z=places[1, clear],
-        doubt=doubt[:, clear],
+        doubt=doubt[:, clear] * doubtful,
         area=problem.area_of(errors),
     )
