@@ -200,6 +200,28 @@ def test_no_message_ends_the_recording(
     assert list(recorder.buffer.readings(topics.JOINT_STATES, decode_joint_state))[-1][0] == 7.5
 
 
+def test_progress_does_not_go_back_when_a_topic_joins(ros: Any, tmp_path: Path) -> None:
+    machine = ros.plain("machine")
+    joints, pull = (topic.advertise(machine) for topic in (topics.JOINT_STATES, topics.TENSION))
+    progress: list[float] = []
+    topics.RECORDER_PROGRESS.subscribe(machine, lambda m: progress.append(decode_stamp(m.stamp)))
+    recorder = Recorder(
+        ros.plain("host"),
+        tmp_path / "bag",
+        recorded=[topics.JOINT_STATES],
+        on_demand=[topics.TENSION],
+    )
+    ros.spin_until(lambda: joints.get_subscription_count() == 1 == pull.get_subscription_count())
+    joints.publish(encode_joint_state(0.08, READING))
+    ros.spin_until(lambda: bool(progress))
+    for t in (0.06, 0.12):
+        pull.publish(encode_tension(t, 1.0))
+    joints.publish(encode_joint_state(0.12, READING))
+    ros.spin_until(lambda: progress[-1] > 0.1)
+    recorder.close()
+    assert progress == pytest.approx([0.08, 0.12])
+
+
 def test_what_has_no_stamp_is_named_once_with_its_reason(ros: Any, tmp_path: Path) -> None:
     machine = ros.plain("machine")
     publisher = topics.TENSION.advertise(machine)

@@ -238,6 +238,8 @@ class Recorder:
                 for item in self._guarded(polled.topic.name, self._taken(polled))
             ]
             if found:
+                # Topics are taken one by one: what follows a new run's first message is of that run.
+                found.sort(key=lambda item: item[2].received_ns)
                 self._found += len(found)
                 self._found_bytes += sum(len(taken.data) for _, _, taken in found)
                 self._queue.put(found)
@@ -412,11 +414,15 @@ class Recorder:
         )
 
     def _answer(self, topic: Topic, stamp_ns: int) -> None:
+        if stamp_ns < self._stored_ns.get(topic.name, stamp_ns):
+            # Time has gone back, or was far ahead.
+            self._stored_ns.clear()
+            self._answered_ns = -_ANSWER_PERIOD_NS
         self._stored_ns[topic.name] = stamp_ns
         if not self._followed <= self._stored_ns.keys():
             return
         reached = min(self._stored_ns.values())
-        # A stamp from far ahead must not silence the answers to those that follow.
-        if not 0 <= reached - self._answered_ns < _ANSWER_PERIOD_NS:
+        # A topic that joins the others may lie behind what was answered.
+        if reached - self._answered_ns >= _ANSWER_PERIOD_NS:
             self._answered_ns = reached
             self._progress.publish(Header(stamp=encode_stamp(min(reached, _LATEST_NS) * 1e-9)))
