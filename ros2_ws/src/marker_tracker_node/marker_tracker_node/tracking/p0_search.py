@@ -151,7 +151,7 @@ class MovingBand:
     last: float  # The same when it was seen last [rad]
     sightings: int = 1  # How often it was seen
     samples: list[ByteArray] = field(default_factory=list)  # Pixels of it, blue-green-red
-    # Encoder angle, azimuth [rad] and z [m] of its sightings.
+    # Encoder angle, azimuth [rad] and z [m] of its sightings in a turn.
     path: list[tuple[float, float, float]] = field(default_factory=list)
 
     @property
@@ -238,7 +238,8 @@ class BandSearch:
                 band.offset = math.remainder(band.offset + share * off, math.tau)
                 band.z += share * (z - band.z)
                 band.last = angle
-                band.path.append((angle, azimuth, z))
+                newest = [seen for seen in band.path if abs(angle - seen[0]) < math.tau]
+                band.path = [*newest, (angle, azimuth, z)]
                 band.samples = [*band.samples[-3:], samples]
                 return
         recent = sorted(self._passing, key=lambda band: band.sightings)[-15:]

@@ -10,7 +10,10 @@ from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
 from marker_tracker_node.tracking.checks.camera_zero import LOOK_STEP, CameraZero
-from marker_tracker_node.tracking.checks.misplaced_camera import MisplacedCamera
+from marker_tracker_node.tracking.checks.misplaced_camera import (
+    MisplacedCamera,
+    beside_its_place,
+)
 from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame.acquisition import P0_REACH, PROOF_ADVANCE
@@ -175,12 +178,15 @@ class RunStart:
             height, explains = band.height(setup, self.origin)
         wrong = f"the camera's height is wrong by {height / MILLIMETRE:+.0f} mm"
         if explains > 1.0:
-            # Nothing can be measured then, but what is seen later may decide otherwise.
             self._remark = (
                 f"the encoder reads {self.origin - off:.3f} rad where P0 lands, or {wrong}, which "
                 "explains P0's path better: set camera_tilt or camera_position, or start_angle"
             )
-            self._followed, self.proven, self._misplaced.done = False, False, True
+            # What is seen in the first turn, and until it has passed, may decide otherwise.
+            passed = abs(angle - band.last) > P0_REACH
+            if passed and abs(angle - self._begun) > math.tau:
+                return self._withdraw(beside_its_place(height, setup, "in height", "x"))
+            self._followed = self.proven = False
             return False
         known = self.colour is not None
         if not known:

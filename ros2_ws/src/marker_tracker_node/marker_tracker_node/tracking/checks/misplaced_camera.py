@@ -93,13 +93,17 @@ class MisplacedCamera:
                 self._found[axis, error] = error + beyond
         along = min((error for (axis, _), error in self._found.items() if axis == "z"), default=0.0)
         if something:
-            return _sentence(along, setup, "along the axis", "y") if along < -SEARCH_REACH else ""
+            return (
+                beside_its_place(along, setup, "along the axis", "y")
+                if along < -SEARCH_REACH
+                else ""
+            )
         if way < self._lap or not self._found:
             return ""
         if along:
-            return _sentence(along, setup, "along the axis", "y")
+            return beside_its_place(along, setup, "along the axis", "y")
         heights = [error for (axis, _), error in self._found.items() if axis == "y"]
-        return _sentence(min(heights, key=abs), setup, "in height", "x")
+        return beside_its_place(min(heights, key=abs), setup, "in height", "x")
 
     def _due(self, azimuth: float, usable: float) -> bool:
         """Return whether a marker before the one at an azimuth [rad] may be in sight."""
@@ -112,7 +116,8 @@ class MisplacedCamera:
         return min(map(abs, off)) > BAND_REACH
 
 
-def _sentence(error: float, setup: Setup, where: str, axis: str) -> str:
+def beside_its_place(error: float, setup: Setup, where: str, axis: str) -> str:
+    """Say that the camera's place is wrong by an error [m], or its turn about an axis."""
     turned = abs(error) / abs(setup.camera.x)
     return (
         f"P0 passes {abs(error) / MILLIMETRE:.0f} mm beside its place: the camera's place {where} "
