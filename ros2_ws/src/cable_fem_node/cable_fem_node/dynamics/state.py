@@ -54,9 +54,9 @@ PUSHES = GONE + 1
 BELOW_HEIGHT = PUSHES + 11
 
 
-# Share of the cylinder's stiffness that cable and flanges have, so that a node between two of them
-# is no stiffer than on the cylinder.
-BESIDE = 1.0 / 3.0
+# Share of the cylinder's stiffness that cable and flanges have. Turns that the lag pushes against
+# each other overlap by less than 0.01 d; the step beside cable allows for six of these springs.
+BESIDE = 0.6
 
 
 class ContactLaw(NamedTuple):
