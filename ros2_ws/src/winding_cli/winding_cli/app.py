@@ -26,7 +26,7 @@ SUMMARIES = {
     "identify": (
         "Identify the cable's material from tracked markers by inverse winding, or from a test."
     ),
-    "runs": "List, show and compare the runs of a folder, and say what drifts over them.",
+    "runs": "List, show and compare the runs of a folder, and report what drifts over them.",
     "study": "Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models.",
     "train": (
         "Learn the correction factor h and compare it, in-sample and by case left out, with others."

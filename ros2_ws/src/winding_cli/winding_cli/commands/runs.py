@@ -143,7 +143,7 @@ def trend(
     ] = None,
     force: Force = False,
 ) -> None:
-    """Say what drifts over runs, from control charts of every cable on every machine."""
+    """Report what drifts over runs, from control charts of every cable on every machine."""
     from winding_reports.runs.trend import announcements, points_table, trend_json, trends
 
     given = {".csv": None, ".parquet": None, ".json": json_file, ".html": None}
