@@ -189,7 +189,8 @@ def _check_stamps(path: Path, verdict: Verdict) -> None:
     described = ChainMap(*(found.topics for found in verdict.found.values()))
     for name, stamps in sorted(verdict.stamps.items()):
         # A bag begins with what a latched topic carried before it, perhaps in another run.
-        judged = np.array(stamps, dtype=np.int64)[int(_LATCHED in described[name].profiles) :]
+        latched = _LATCHED in (described[name].profiles or "")
+        judged = np.array(stamps, dtype=np.int64)[int(latched) :]
         # The recorder counts losses where one node publishes; there, times are in order.
         ordered = COMPLETE not in notes or f"{LOST}{name}" in notes
         verdict.findings += stamp_findings(name, judged, ordered=ordered)

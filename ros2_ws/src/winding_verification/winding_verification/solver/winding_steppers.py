@@ -230,6 +230,8 @@ def ring() -> Values:
     config = WindingConfig(case=case, friction=0.3, mass_scaling=20.0, rests=False)
     model = RodWinding(config)
     machine = Machine(model, 1.0)
+    # The guide stands aside, so that no turn comes to lie on another one.
+    machine.move(0.1, guide=15.0e-3)
     machine.move(1.5, angle=4.5)
     machine.move(0.1)
     inside = slice(8, 20)
