@@ -238,7 +238,7 @@ class Recorder:
                 for item in self._guarded(polled.topic.name, self._taken(polled))
             ]
             if found:
-                # Topics are taken one by one: what follows a new run's first message is of that run.
+                # Topics are taken one by one, and a new run begins with the first message of any.
                 found.sort(key=lambda item: item[2].received_ns)
                 self._found += len(found)
                 self._found_bytes += sum(len(taken.data) for _, _, taken in found)
