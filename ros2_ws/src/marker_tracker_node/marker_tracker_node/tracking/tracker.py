@@ -156,10 +156,11 @@ class Tracker:
             return self.refuse(fault)
         angle = _believed(cylinder_angle)
         guide = _believed(guide_z)
-        if not self._start.done and self._start.take(frame, self._setup, angle, guide):
-            self._begin_anew()
-        if not self.state.marks.known[0]:
-            self.state.mark_rows["height"][0] = self._start.height
+        if not self._start.done:
+            if self._start.take(frame, self._setup, angle, guide):
+                self._begin_anew()
+            if not self.state.marks.known[0]:
+                self.state.mark_rows["height"][0] = self._start.height
         out = self._advance(
             np.asarray(frame)[None],
             np.array([[t], [angle - self.origin], [guide], [lead], [beside]]),
