@@ -3,6 +3,7 @@
 import importlib
 import shutil
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -11,7 +12,10 @@ from typing import Any
 
 import pytest
 
-from processes import COMMAND, in_namespace, running
+# Helpers stand beside the tests; colcon runs these from where no setting of pytest names them.
+sys.path += [str(folder) for folder in Path(__file__).parent.iterdir() if folder.is_dir()]
+
+from processes import COMMAND, in_namespace, running  # noqa: E402
 
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0

@@ -164,8 +164,7 @@ class MovingBand:
         """Whether it moves with the cylinder."""
         moved = abs(self.last - self.first)
         # Markers, which are expected, need one sighting less; few frames a turn show fewer.
-        more = moved >= PROOF_HITS * SAME_ANGLE
-        return self.sightings > PROOF_HITS - more and moved >= PROOF_ADVANCE
+        return self.sightings > PROOF_HITS and moved >= PROOF_ADVANCE
 
     def height(self, setup: Setup, origin: float) -> tuple[float, float]:
         """Return which height of the camera explains its place [m], and how much better.
@@ -215,13 +214,15 @@ class BandSearch:
             self._begun = angle
         for azimuth, z, samples in bands_of_hue(frame, self._config, setup):
             self._take(angle, azimuth, z, samples)
-        moving = [band for band in self._passing if band.moving]
-        if not moving:
+        proven = [band for band in self._passing if band.proven]
+        if not proven:
             return None
+        lowest = min(proven, key=lambda band: band.z)
+        if abs(angle - self._begun) > math.tau:
+            return lowest
         # One that is not proven yet may be P0 as well.
-        lowest = min(moving, key=lambda band: band.z)
-        known = abs(lowest.z) < self._surely or abs(angle - self._begun) > math.tau
-        return lowest if known and lowest.proven else None
+        lower = any(band.moving and band.z < lowest.z for band in self._passing)
+        return lowest if abs(lowest.z) < self._surely and not lower else None
 
     @property
     def moving(self) -> bool:
