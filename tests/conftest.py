@@ -15,7 +15,7 @@ import pytest
 # Helpers stand beside the tests; colcon runs these from where no setting of pytest names them.
 sys.path += [str(folder) for folder in Path(__file__).parent.iterdir() if folder.is_dir()]
 
-from processes import COMMAND, in_namespace, running  # noqa: E402
+from processes import COMMAND, in_namespace, running
 
 # A test waits ten times as long as the thing usually takes, on two busy cores.
 PATIENCE = 60.0
