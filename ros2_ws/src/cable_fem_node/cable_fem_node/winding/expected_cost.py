@@ -149,7 +149,7 @@ def falling_behind(run: PlannedRun, cpu_clock: Callable[[], float], *, pace: flo
 
 
 def _way_on_cable(run: PlannedRun) -> float:
-    """Return over which way [m] cable lands beside or on cable, as far as that is said before."""
+    """Return over which way [m] cable lands beside or on cable, as far as that is known before."""
     over = run.config.drum is not None or (
         run.checks()[-1].name == OVERLAP and run.checks()[-1].warned
     )

@@ -60,7 +60,7 @@ class LayControlParameters(ControlParameters, LayWish, DrumParameters, MachineAx
         return program
 
     def filling(self, what: ResolvedCondition) -> WoundDrum | None:
-        """Return the drum as it is to be filled; None where it is not said how."""
+        """Return the drum as it is to be filled; None where that is not configured."""
         return self.wind(what.case, self.pitch or None) if self.filled else None
 
     def new_controller(self) -> LayController:

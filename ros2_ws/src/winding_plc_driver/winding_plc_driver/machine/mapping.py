@@ -152,7 +152,7 @@ class MachineMapping:
     server: Server  # How the PLC is reached
     variables: Mapping[str, Variable]
     commands: Mapping[str, Command]  # By the names of COMMANDS, all of them
-    state: State | None  # The machine's own state; None where it tells none
+    state: State | None  # The machine's own state; None where it reports none
     heartbeat: Heartbeat  # Node ids are empty where there is none
 
     @property

@@ -36,7 +36,7 @@ _DISCOVERY = 1.0
 # A page looks at the newest message ten times a second, and later when the computer is busy.
 _LINGER = 0.5
 # What came in this time before a place is published at once when the playback goes there [s]: every
-# topic but the latched ones has said its newest.
+# topic but the latched ones has published its newest.
 _BEFORE = 1.2
 _REPORT_PERIOD = 0.2
 _NANO = 1e9

@@ -28,8 +28,6 @@ _FARTHEST = 5.0
 _REACH = 4.0
 # Closed forms along that, between which angles are smooth, and places at which these are compared.
 _KNOTS, _PLACES = 65, 8001
-# A cubic spline has four at least.
-_FEWEST = 4
 # Relative standard deviation of a modulus without one in its file: as of a material's data sheet.
 _UNSTATED = 0.05
 _YOUNG, _DIAMETER = "young_mpa", "cable_diameter_mm"
@@ -180,12 +178,11 @@ def _compared(item: _Candidate, model_share: float, scatter: float) -> _Comparis
     knots = np.linspace(-_REACH, _REACH, _KNOTS)
     reached, angles = [], []
     for knot in knots:
+        # A much softer cable may be wound to its end too early.
         with suppress(IdentificationError):
             tried = replace(law, young=law.young * math.exp(knot * item.deviation))
             angles.append(lay(run, tried)[0] * item.excess)
             reached.append(knot)
-    if len(reached) < _FEWEST:
-        raise IdentificationError("the cable cannot carry the tension")
     places = np.linspace(reached[0], reached[-1], _PLACES)
     left = CubicSpline(reached, angles)(places) - run.readings.theta
     covariance = angle_covariance([run], model_share, scatter)

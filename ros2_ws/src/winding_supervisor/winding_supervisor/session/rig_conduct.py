@@ -1,4 +1,4 @@
-"""Runs that an operator begins, stops and resets at the simulated machine, which tells of them."""
+"""Runs that an operator begins, stops and resets at the simulated machine, which reports them."""
 
 from __future__ import annotations
 
