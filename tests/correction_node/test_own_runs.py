@@ -12,11 +12,12 @@ import pytest
 from correction_node.models.dataset import lengths
 from correction_node.models.factor_models import ProcessModel
 from correction_node.models.own_runs import OWN_COLUMNS, load_own_runs
+from correction_node.models.place import PlaceModel, measured_places
 from correction_node.models.weights import load_factor, save_factor
 from correction_node.training.protocol import learn_own
 from correction_node.training.training import OWN, TrainingConfig
 from winding_core.cable.cases import Case, Material
-from winding_core.helix import FleetAngleLaw
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.lay.quasi_static import QuasiStaticLay
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import DeadWeight, RigTension
@@ -133,6 +134,35 @@ def test_a_second_cable_is_outside(tmp_path: Path) -> None:
         assert found.outside
         assert set(found.by_marker) == {1.0}
         assert found.relative_bound > known.relative_bound
+
+
+def test_places_of_runs_left_out_are_learned_with_their_lengths(tmp_path: Path) -> None:
+    data = load_own_runs(write(tmp_path / "runs.csv", hidden_runs(5)))
+    learned = learn_own(data, lambda _: None)
+    found = learned.factor.card["place"]["left_out"]
+    conditions, (theta, z) = list(data.cells), measured_places(data.cells)
+    raw = PlaceModel(free_length=PAPER_FREE_LENGTH, process=None)
+    off = raw.place(conditions, lengths(conditions)[0])
+    assert np.abs(off[1] - z).mean() >= 1.0e-3
+    assert np.abs(off[0] - theta).mean() >= 0.1
+    # The mean of |error| is 0.8 of the tracker's deviations; twice that, as nine runs teach it.
+    assert 1.0e-3 * found["z_mm"] <= 1.6 * SIGMA_Z
+    assert found["theta_rad"] <= 0.02
+    save_factor(learned.factor, tmp_path / "weights")
+    place = load_factor(tmp_path / "weights").place
+    assert place is not None
+    again = place.place(conditions, lengths(conditions)[1])[1]
+    assert np.abs(again - z).mean() <= 1.6 * SIGMA_Z
+
+
+def test_no_place_is_learned_from_guides_of_different_ways(tmp_path: Path) -> None:
+    rows = [
+        {**row, "advance_m_per_rad": 2.0e-3 if row["run"] == "r0" else 3.0e-3}
+        for row in hidden_runs(5)
+    ]
+    learned = learn_own(load_own_runs(write(tmp_path / "runs.csv", rows)), lambda _: None)
+    assert learned.factor.place is None
+    assert "place" not in learned.factor.card
 
 
 def _spoil(rows: list[dict[str, float | str]], how: str) -> None:

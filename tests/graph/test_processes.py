@@ -16,6 +16,8 @@ from recordings import recorded
 
 import cable_winding as cw
 from processes import in_namespace
+from winding_core.cable.cases import paper_case
+from winding_core.helix import curve_length
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import DriveProfile
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
@@ -74,6 +76,7 @@ def test_numbers_have_the_promised_keys(numbers: dict[str, Any]) -> None:
     assert set(numbers["markers"][0]) == {
         "id", "original_m", "s_fem_m", "s_tracked_m", "h", "s_corrected_m", "s_published_m",
         "error_fem_pct", "error_corrected_pct", "h_held_out", "error_held_out_pct",
+        "theta_tracked_rad", "z_tracked_m", "sigma_theta_rad", "sigma_z_m",
     }  # fmt: skip
 
 
@@ -87,6 +90,9 @@ def test_wound_marker_is_tracked_to_one_percent_and_no_other_is_invented(
 ) -> None:
     first, *later = numbers["markers"]
     assert first["s_tracked_m"] == pytest.approx(first["s_published_m"], rel=0.01)
+    place = (first["theta_tracked_rad"], first["z_tracked_m"])
+    assert curve_length(paper_case(4).centreline_radius, *place) == first["s_tracked_m"]
+    assert (first["sigma_theta_rad"], first["sigma_z_m"]) > (0.0, 0.0)
     assert [(marker["s_fem_m"], marker["s_tracked_m"]) for marker in later] == [(None, None)] * 3
     tracked = clouds(recorded_run, topics.TRACKED_MARKERS, MARKER_DTYPE)
     assert len(tracked) == numbers["frames"]

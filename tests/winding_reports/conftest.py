@@ -11,6 +11,7 @@ from winding_core.cable.cases import Case, paper_case, published_markers
 from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
 from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
 from winding_core.machine.drive import DriveProfile
+from winding_core.markers import MARKER_DTYPE
 from winding_core.run_outcome import Ending, Extent, RunOutcome
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
 
@@ -18,25 +19,20 @@ sys.path.insert(0, str(Path(__file__).parent))
 
 
 def _series(case, drive, marks, *, rate, rng, noise=0.0, in_view_only=False) -> MarkerSeries:
-    columns: dict[str, list[np.ndarray]] = {name: [] for name in ("t", "id", "theta", "z", "s")}
+    stamps, records = [np.empty(0)], [np.zeros(0, dtype=MARKER_DTYPE)]
     for marker, (theta, z) in marks.items():
         landed = drive.time_at_angle(theta)
         t = np.arange(np.ceil(landed * rate), 20.0 * rate) / rate
         if in_view_only:
             t = t[np.cos(drive.positions(t)[0] - theta) > 0.5]
-        angle = theta + noise * rng.normal(size=t.size)
-        height = z + 0.02 * noise * rng.normal(size=t.size)
-        columns["t"].append(t)
-        columns["id"].append(np.full(t.size, marker))
-        columns["theta"].append(angle)
-        columns["z"].append(height)
-        columns["s"].append(curve_length(case.centreline_radius, angle, height))
-    return MarkerSeries(
-        **{
-            name: np.concatenate(parts) if parts else np.empty(0, int if name == "id" else float)
-            for name, parts in columns.items()
-        }
-    )
+        seen = np.zeros(t.size, dtype=MARKER_DTYPE)
+        seen["id"], seen["sigma_theta"], seen["sigma_z"] = marker, noise, 0.02 * noise
+        seen["theta"] = theta + noise * rng.normal(size=t.size)
+        seen["z"] = z + 0.02 * noise * rng.normal(size=t.size)
+        seen["s"] = curve_length(case.centreline_radius, seen["theta"], seen["z"])
+        stamps.append(t)
+        records.append(seen)
+    return MarkerSeries.of_records(np.concatenate(stamps), np.concatenate(records))
 
 
 def _synthetic(case: Case | None = None, h: float = 0.957) -> RunRecord:

@@ -19,6 +19,7 @@ from report_page import ReportPage
 from winding_core.cable.cases import Case, paper_case
 from winding_core.cable.condition import Condition
 from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
+from winding_core.markers import MARKER_DTYPE
 from winding_core.units import MILLIMETRE
 from winding_reports.documents.picture import MOST_POINTS, broken, thinned
 from winding_reports.records.identity import Identity, Origin, condition_quantities
@@ -58,12 +59,6 @@ def page_text(synthetic) -> str:
 
 def _empty_signal() -> Signal:
     return Signal(t=np.empty(0), value=np.empty(0))
-
-
-def _empty_series() -> MarkerSeries:
-    return MarkerSeries(
-        t=np.empty(0), id=np.empty(0, int), theta=np.empty(0), z=np.empty(0), s=np.empty(0)
-    )
 
 
 @pytest.mark.slow
@@ -154,9 +149,9 @@ def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
         cylinder_setpoint=_empty_signal(),
         carriage_setpoint=_empty_signal(),
         tension=_empty_signal(),
-        predicted=_empty_series(),
-        tracked=_empty_series(),
-        corrected=_empty_series(),
+        predicted=MarkerSeries.empty(),
+        tracked=MarkerSeries.empty(),
+        corrected=MarkerSeries.empty(),
         rows=rows,
         frames=None,
         frames_lost=None,
@@ -288,13 +283,9 @@ def test_numbers_of_numpy_are_written_too(synthetic) -> None:
 
 
 def test_a_series_gives_one_markers_rows() -> None:
-    series = MarkerSeries(
-        t=np.array([0.0, 0.0, 1.0]),
-        id=np.array([1, 2, 1]),
-        theta=np.array([6.0, 12.0, 6.1]),
-        z=np.zeros(3),
-        s=np.ones(3),
-    )
+    records = np.zeros(3, dtype=MARKER_DTYPE)
+    records["id"], records["theta"] = [1, 2, 1], [6.0, 12.0, 6.1]
+    series = MarkerSeries.of_records(np.array([0.0, 0.0, 1.0]), records)
     assert series.of(1).theta.tolist() == [6.0, 6.1]
     assert series.of(3).t.size == 0
 
@@ -303,9 +294,7 @@ def test_series_of_unequal_length_are_refused() -> None:
     with pytest.raises(ValueError, match="one value per stamp"):
         Signal(t=np.zeros(3), value=np.zeros(2))
     with pytest.raises(ValueError, match="theta needs one value per stamp"):
-        MarkerSeries(
-            t=np.zeros(2), id=np.zeros(2, int), theta=np.zeros(3), z=np.zeros(2), s=np.zeros(2)
-        )
+        dataclasses.replace(MarkerSeries.empty(), theta=np.zeros(3))
 
 
 def test_date_is_utc_whatever_the_clocks_zone() -> None:

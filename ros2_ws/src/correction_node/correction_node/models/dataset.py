@@ -60,6 +60,7 @@ class LengthCell(MarkerCondition):
     s_exp: float  # Measured curve length S_n [m]
     z_exp: float = math.nan  # Measured axial position z_n [m], or NaN
     sigma: float = 0.0  # Standard deviation of s_exp, relative, where it is known
+    sigma_z: float = 0.0  # Standard deviation of z_exp [m], where it is known
     cable: str = ""  # Which cable, where there are several
 
 
@@ -71,11 +72,13 @@ class DataSet:
     cells: tuple[LengthCell, ...]
     own: bool = False  # Whether these are own runs and not the paper's cases
     refused: tuple[str, ...] = ()  # Own runs that are left out, with the reason
+    # Advance of the guide [m/rad] and free length [m], where all own runs have the same.
+    configured: tuple[float, float] | None = None
 
     @property
     def sha256(self) -> str:
         """Digest of the lengths, conditions and configured moduli, to nine digits."""
-        left_out = {"z_exp", "sigma", "cable", *(() if self.own else ("young",))}
+        left_out = {"z_exp", "sigma", "sigma_z", "cable", *(() if self.own else ("young",))}
         names = [item.name for item in fields(LengthCell) if item.name not in left_out]
         rows = (",".join(f"{getattr(cell, name):.9g}" for name in names) for cell in self.cells)
         return hashlib.sha256("\n".join(rows).encode()).hexdigest()

@@ -8,9 +8,10 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from correction_node.models.dataset import DataSet, LengthCell
+from correction_node.models.place import PAPER_PATH
 from winding_core.cable.cases import Case, Material
 from winding_core.run_outcome import Verdict
 
@@ -20,12 +21,26 @@ OWN_COLUMNS = (
     "young_pa", "s_fem_m", "theta_rad", "z_m",
 )  # fmt: skip
 SIGMAS = ("sigma_theta", "sigma_z")  # [rad], [m]; 0 where they are left out
+# As configured in the solver [m/rad], [m]; the paper's where they are left out.
+PATH = ("advance_m_per_rad", "free_length_m")
 # No physics is off by more; swapped columns and mixed units are.
 MOST_OFF = 0.5
 FEWEST_RUNS = 3
+_TRACKED = ("theta_tracked_rad", "z_tracked_m", "sigma_theta_rad", "sigma_z_m")
 _FIT = (Verdict.GOOD.value, Verdict.NOT_GOOD.value)
-# Condition, marker, predicted and measured length [m], relative deviation of the latter.
-_Reading = tuple[Case, int, float, float, float]
+
+
+class _Reading(NamedTuple):
+    """A marker as it was predicted and measured."""
+
+    case: Case
+    marker: int
+    s_fem: float  # [m]
+    s: float  # [m]
+    sigma: float = 0.0  # Of s, relative
+    z: float = math.nan  # [m]
+    sigma_z: float = 0.0  # [m]
+    path: tuple[float, float] = PAPER_PATH
 
 
 @dataclass
@@ -50,9 +65,10 @@ def load_own_runs(path: Path) -> DataSet:
     seen: dict[tuple[float, ...], str] = {}
     cells: list[LengthCell] = []
     refused = []
+    paths = set()
     for run in _of_table(path) if path.is_file() else _of_folders(path):
         refusal = run.refusal or next(filter(None, map(_strange, run.readings)), "")
-        measured = tuple(reading[3] for reading in run.readings)
+        measured = tuple(reading.s for reading in run.readings)
         if not refusal and measured in seen:
             refusal = f"measures exactly what run {seen[measured]} does: one of them is a copy"
         if refusal:
@@ -60,16 +76,32 @@ def load_own_runs(path: Path) -> DataSet:
             continue
         seen[measured] = run.name
         cells.extend(_cell(len(seen), run.cable, reading) for reading in run.readings)
+        paths |= {tuple(round(number, 9) for number in reading.path) for reading in run.readings}
     if len(seen) < FEWEST_RUNS:
         why = "".join(f"; {sentence}" for sentence in refused)
         raise ValueError(f"{path} has {len(seen)} runs to learn from, {FEWEST_RUNS} needed{why}")
-    return DataSet(name=path.name, cells=tuple(cells), own=True, refused=tuple(refused))
+    (advance, free_length), *others = paths
+    return DataSet(
+        name=path.name,
+        cells=tuple(cells),
+        own=True,
+        refused=tuple(refused),
+        configured=None if others else (advance, free_length),
+    )
 
 
 def _cell(number: int, cable: str, reading: _Reading) -> LengthCell:
-    case, marker, s_fem, s_exp, sigma = reading
-    measured = {"s_exp": s_exp, "sigma": sigma, "cable": cable}
-    return LengthCell.of(case, marker, s_fem, case=number, **measured)
+    return LengthCell.of(
+        reading.case,
+        reading.marker,
+        reading.s_fem,
+        case=number,
+        cable=cable,
+        s_exp=reading.s,
+        sigma=reading.sigma,
+        z_exp=reading.z,
+        sigma_z=reading.sigma_z,
+    )
 
 
 def is_own(path: Path) -> bool:
@@ -82,7 +114,7 @@ def is_own(path: Path) -> bool:
 
 def _strange(reading: _Reading) -> str:
     """Return what cannot be of a reading; empty if it can."""
-    case, marker, s_fem, s_exp, _ = reading
+    case, marker, s_fem, s_exp = reading[:4]
     original = case.original_length(marker)
     for name, value in (("predicted", s_fem), ("measured", s_exp)):
         # Not of nan either.
@@ -111,19 +143,20 @@ def _of_table(path: Path) -> Iterable[_Run]:
         run = found.setdefault(row["run"], _Run(row["run"]))
         try:
             reading = _of_row(row)
-            if any(reading[1] == other[1] for other in run.readings):
-                raise ValueError(f"marker {reading[1]} stands twice")
+            if any(reading.marker == other.marker for other in run.readings):
+                raise ValueError(f"marker {reading.marker} stands twice")
         except (TypeError, ValueError) as error:
             run.refusal = run.refusal or f"line {line}: {error}"
             continue
-        run.cable = row.get("cable") or _cable(reading[0])
+        run.cable = row.get("cable") or _cable(reading.case)
         run.readings.append(reading)
     return found.values()
 
 
 def _of_row(row: Mapping[str, str]) -> _Reading:
     numbers = {name: float(row[name]) for name in OWN_COLUMNS[1:]}
-    sigma_theta, sigma_z = (float(row.get(name) or 0.0) for name in SIGMAS)
+    usual = zip((*SIGMAS, *PATH), (0.0, 0.0, *PAPER_PATH), strict=True)
+    numbers |= {name: float(row.get(name) or value) for name, value in usual}
     for name, value in numbers.items():
         if not math.isfinite(value):
             raise ValueError(f"{name} must be finite, got {value}")
@@ -142,10 +175,25 @@ def _of_row(row: Mapping[str, str]) -> _Reading:
             f"a cable of {case.cable_diameter:g} m and {case.material.young:g} Pa on "
             f"{case.cylinder_diameter:g} m: are units mixed or columns swapped?"
         )
+    place = (numbers[name] for name in ("theta_rad", "z_m", *SIGMAS))
+    path = (numbers[PATH[0]], numbers[PATH[1]])
+    return _placed(case, marker, numbers["s_fem_m"], path, *place)
+
+
+def _placed(
+    case: Case,
+    marker: int,
+    s_fem: float,
+    path: tuple[float, float],
+    theta: float,
+    z: float,
+    sigma_theta: float,
+    sigma_z: float,
+) -> _Reading:
     rho = case.centreline_radius
-    s = math.hypot(rho * numbers["theta_rad"], numbers["z_m"])
-    sigma = math.hypot(rho * sigma_theta, sigma_z * numbers["z_m"] / s) / s if s else 0.0
-    return case, marker, numbers["s_fem_m"], s, sigma
+    s = math.hypot(rho * theta, z)
+    sigma = math.hypot(rho * sigma_theta, sigma_z * z / s) / s if s else 0.0
+    return _Reading(case, marker, s_fem, s, sigma, z, sigma_z, path)
 
 
 def _of_folders(path: Path) -> Iterable[_Run]:
@@ -166,6 +214,7 @@ def _of_folder(file: Path) -> _Run:
         what = {name: item["value"] for name, item in record["identity"]["condition"].items()}
         rows = [row for row in record["markers"] if row["s_fem_m"] and row["s_tracked_m"]]
         case = _case(what)
+        path = _path(what)
         sentences = "; ".join(outcome["sentences"])
         if not outcome["complete"] or outcome["verdict"] not in _FIT:
             run.refusal = f"is {outcome['verdict']}: {sentences}"
@@ -177,7 +226,13 @@ def _of_folder(file: Path) -> _Run:
         run.refusal = f"has no record to learn from: {error!r}"
         return run
     run.cable = _cable(case)
-    run.readings = [(case, row["id"], row["s_fem_m"], row["s_tracked_m"], 0.0) for row in rows]
+    run.readings = [
+        _placed(case, row["id"], row["s_fem_m"], path, *(row[name] for name in _TRACKED))
+        if _TRACKED[0] in row
+        # Records of before places were kept.
+        else _Reading(case, row["id"], row["s_fem_m"], row["s_tracked_m"], path=path)
+        for row in rows
+    ]
     return run
 
 
@@ -190,6 +245,13 @@ def _case(what: Mapping[str, Any]) -> Case:
         marker_count=what["markers"],
         material=Material(young=1.0e6 * what["young_mpa"]),
     )
+
+
+def _path(what: Mapping[str, Any]) -> tuple[float, float]:
+    if not {"feed_speed_mm_s", "angular_speed_rad_s", "free_length_mm"} <= set(what):
+        return PAPER_PATH
+    advance = 1.0e-3 * what["feed_speed_mm_s"] / what["angular_speed_rad_s"]
+    return advance, 1.0e-3 * what["free_length_mm"]
 
 
 def _cable(case: Case) -> str:

@@ -16,10 +16,10 @@ from safetensors.numpy import save as save_tensors
 
 from correction_node.models.dataset import conditions_of
 from correction_node.models.factor_models import FactorModel, ProcessModel, read_model
-from correction_node.models.place import PlaceModel, path, radii, read_place
+from correction_node.models.place import PlaceModel, read_place
+from correction_node.models.process import NORMAL_90
 from correction_node.models.uncertainty import Bound, TrainingBox
 from winding_core.cable.cases import Case
-from winding_core.helix import PAPER_FREE_LENGTH
 
 SCHEMA = "cable-winding-twin/correction-weight/2"
 WEIGHTS_FILE = "weights.safetensors"
@@ -96,17 +96,17 @@ class TrainedFactor:
         )
         if isinstance(self.model, ProcessModel):
             bounds = tuple(self.model.bounds(conditions).tolist())
-            return replace(factor, bounds=bounds, relative_bound=bounds[-1])
+            factor = replace(factor, bounds=bounds, relative_bound=bounds[-1])
         if self.place is None:
             return factor
         s_fem = np.array([condition.s_fem for condition in conditions])
         theta, z, sigma = self.place.place(conditions, h * s_fem)
-        raw = PlaceModel(free_length=PAPER_FREE_LENGTH, process=None)
-        rho = radii(conditions)
-        lag, nudge = self.place.free_length / rho, 1.0e-4
-        rise = (path(theta + nudge, lag) - path(theta, lag)) / nudge
-        slope = rise / np.hypot(rho, rise)
-        predicted = raw.place(conditions, s_fem)[1]
+        slope = self.place.slope(conditions, theta)
+        if factor.bounds:
+            # The length is not known either.
+            along = slope * np.array(factor.bounds) * h * s_fem / NORMAL_90
+            sigma = np.hypot(sigma, along)
+        predicted = self.place.predicted.place(conditions, s_fem)[1]
         shift = z - predicted - slope * (h - 1.0) * s_fem
         return replace(
             factor,

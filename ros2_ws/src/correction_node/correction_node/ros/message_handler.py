@@ -12,7 +12,6 @@ from correction_node.live.neighbours import MARKERS
 from correction_node.live.run_corrector import RunCorrector
 from correction_node.live.within_run import published_within_run
 from correction_node.models.factor_models import ProcessModel
-from correction_node.models.place import PLACES_OF
 from correction_node.models.weights import load_factor, weights_directory
 from correction_node.ros.parameters import CorrectionParameters
 from winding_core.markers import MARKER_DTYPE
@@ -43,7 +42,8 @@ class CorrectionHandler:
         data = trained.card["data"]
         of = "runs" if isinstance(trained.model, ProcessModel) else "cases"
         self.learned_from = f"{data['name']}, {data['cells']} lengths of {data['cases']} {of}"
-        if (what.drive.advance_per_radian, what.free_length) != PLACES_OF:
+        path = (what.drive.advance_per_radian, what.free_length)
+        if trained.place is not None and not np.allclose(path, trained.place.configured):
             trained = replace(trained, place=None)
         # The law within a run is of the paper's rig.
         law = None if isinstance(trained.model, ProcessModel) else published_within_run()

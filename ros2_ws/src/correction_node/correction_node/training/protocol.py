@@ -12,7 +12,13 @@ import numpy as np
 
 from correction_node.models.dataset import Array, DataSet, LengthCell, case_numbers, lengths
 from correction_node.models.factor_models import FactorModel, ProcessModel, reference_law
-from correction_node.models.place import SELECTION, PlaceModel, learn_place, place_errors
+from correction_node.models.place import (
+    PAPER_PATH,
+    SELECTION,
+    PlaceModel,
+    learn_place,
+    place_errors,
+)
 from correction_node.models.uncertainty import LEVEL, Bound, TrainingBox, conformal_bound
 from correction_node.models.weights import TrainedFactor
 from correction_node.training.evaluation import (
@@ -115,6 +121,8 @@ def learn(
         progress(f"scored {rival}")
     s_fem, s_exp = lengths(cells)
     place, place_card = learn_places(cells, own.held_out)
+    if place is not None:
+        place_card["place"]["selection"] = SELECTION
     factor = TrainedFactor(
         name=name,
         model=held_out.whole,
@@ -144,13 +152,13 @@ def learn_own(data: DataSet, progress: Progress, law: str = "linear") -> Learned
     s_fem, s_exp = lengths(cells)
     whole = held_out.whole
     assert isinstance(whole, ProcessModel)
-    inside = []
+    bounds = np.empty(len(cells))
     for known, model in zip(np.unique(case_numbers(cells)), held_out.left_out, strict=True):
         assert isinstance(model, ProcessModel)
-        asked = [cell for cell in cells if cell.case == known]
-        predicted, measured = lengths(asked)
-        off = np.abs(measured / (model.h(asked) * predicted) - 1.0)
-        inside += (off <= model.bounds(asked)).tolist()
+        mine = np.flatnonzero(case_numbers(cells) == known)
+        bounds[mine] = model.bounds([cells[i] for i in mine.tolist()])
+    left_out = held_out.score.held_out
+    inside = np.abs(s_exp / (left_out * s_fem) - 1.0) <= bounds
     cables = sorted({cell.cable for cell in cells})
     by_cable = None
     if len(cables) > 1:
@@ -160,7 +168,8 @@ def learn_own(data: DataSet, progress: Progress, law: str = "linear") -> Learned
             for cable in cables
         ]
         by_cable = round(float(cell_errors_pct(grouped, hold_out(grouped, others)).mean()), 4)
-    card = _card(data, PROCESS, {}, scores)
+    place, place_card = learn_places(cells, left_out, data.configured, bounds)
+    card = {**_card(data, PROCESS, {}, scores), **place_card}
     return Learned(
         factor=TrainedFactor(
             name=PROCESS,
@@ -177,25 +186,31 @@ def learn_own(data: DataSet, progress: Progress, law: str = "linear") -> Learned
                 "inside_90_run_left_out_pct": round(100.0 * float(np.mean(inside)), 1),
                 "cable_left_out_pct": by_cable,
             },
+            place=place,
         ),
         scores=scores,
     )
 
 
 def learn_places(
-    cells: Sequence[LengthCell], held_out: Array
+    cells: Sequence[LengthCell],
+    held_out: Array,
+    configured: tuple[float, float] | None = PAPER_PATH,
+    off_length: Array | float = 0.0,
 ) -> tuple[PlaceModel | None, dict[str, Any]]:
-    """Return where markers of a length lie and the card's entry; None without measured z.
+    """Return where markers of a length lie and the card's entry; None where z is not known.
 
     Args:
         cells: Measured cells.
         held_out: h of each cell from a model that never saw its case, shape (n,).
+        configured: Advance of the guide [m/rad] and free length [m]; None where they differ.
+        off_length: As of `place_errors`.
     """
-    if not np.isfinite([cell.z_exp for cell in cells]).all():
+    if configured is None or not np.isfinite([cell.z_exp for cell in cells]).all():
         return None, {}
-    others = [learn_place(known) for known in without_each_case(cells)]
-    left_out = place_errors(cells, others, held_out)
-    return learn_place(cells), {"place": {"left_out": left_out, "selection": SELECTION}}
+    others = [learn_place(known, configured) for known in without_each_case(cells)]
+    left_out = place_errors(cells, others, held_out, off_length)
+    return learn_place(cells, configured), {"place": {"left_out": left_out}}
 
 
 def verdict(name: str, scores: dict[str, Score]) -> str:

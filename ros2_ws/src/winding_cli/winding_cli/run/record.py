@@ -121,7 +121,7 @@ def run_record(
         MarkerRow(
             id=marker,
             original=case.original_length(marker),
-            s_tracked=mean_length(tracked.of(marker), case.centreline_radius),
+            **_mean_place(tracked.of(marker), case.centreline_radius),
             s_published=experiment.get(marker),
             h_held_out=(held_out or {}).get(marker) if marker in final else None,
             s_rod=ahead.get(marker),
@@ -201,11 +201,19 @@ def _rig_parameters(parameters: Mapping[str, Mapping[str, object]]) -> dict[str,
     return {**own, **parameters[topics.RIG]}
 
 
-def mean_length(series: MarkerSeries, radius: float) -> float | None:
-    """Return the curve length [m] of a marker's mean place over all frames that show it."""
+def _mean_place(series: MarkerSeries, radius: float) -> dict[str, float]:
+    """Return a marker's mean place over all frames that show it, and the length there [m]."""
     if series.t.size == 0:
-        return None
-    return curve_length(radius, float(series.theta.mean()), float(series.z.mean()))
+        return {}
+    theta, z = float(series.theta.mean()), float(series.z.mean())
+    return {
+        "s_tracked": curve_length(radius, theta, z),
+        "theta_tracked": theta,
+        "z_tracked": z,
+        # Frames share most of their error: a mean is no better than its frames are stated to be.
+        "sigma_theta": float(np.median(series.sigma_theta)),
+        "sigma_z": float(np.median(series.sigma_z)),
+    }
 
 
 def _in_run(
@@ -231,13 +239,7 @@ def _series(
         rows.append(seen)
         stamps.append(np.full(len(seen), t - buffer.origin))
     joined = np.concatenate(rows) if rows else np.zeros(0, dtype=dtype)
-    return MarkerSeries(
-        t=np.concatenate(stamps) if stamps else np.zeros(0),
-        id=joined["id"].astype(np.int64),
-        theta=joined["theta"].astype(float),
-        z=joined["z"].astype(float),
-        s=joined["s"].astype(float),
-    )
+    return MarkerSeries.of_records(np.concatenate(stamps) if stamps else np.zeros(0), joined)
 
 
 def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:

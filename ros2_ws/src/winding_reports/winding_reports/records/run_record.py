@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
 
@@ -16,6 +16,7 @@ from winding_core.cable.material_report import MaterialReport
 from winding_core.error_verdict import ErrorVerdict, error_pct
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.drum import Drum
+from winding_core.markers import MARKER_DTYPE, Markers
 from winding_core.run_outcome import RunOutcome
 from winding_core.units import known
 from winding_reports.records.identity import Identity
@@ -92,24 +93,29 @@ class MarkerSeries:
     theta: Array  # Wound angle [rad], shape (n,)
     z: Array  # Axial position relative to P0 [m], shape (n,)
     s: Array  # Curve length [m], shape (n,)
+    sigma_theta: Array  # One standard deviation of theta [rad], shape (n,)
+    sigma_z: Array  # One standard deviation of z [m], shape (n,)
 
     def __post_init__(self) -> None:
-        for name in ("id", "theta", "z", "s"):
-            if getattr(self, name).shape != self.t.shape:
-                raise ValueError(f"{name} needs one value per stamp")
+        for item in fields(self):
+            if getattr(self, item.name).shape != self.t.shape:
+                raise ValueError(f"{item.name} needs one value per stamp")
 
     @classmethod
     def empty(cls) -> Self:
         """Return a series without rows."""
-        none = np.zeros(0)
-        return cls(t=none, id=none.astype(np.int64), theta=none, z=none, s=none)
+        return cls.of_records(np.zeros(0), np.zeros(0, dtype=MARKER_DTYPE))
+
+    @classmethod
+    def of_records(cls, t: Array, records: Markers) -> Self:
+        """Return marker records stamped t [s], shape (n,) each, as columns."""
+        columns = {item.name: records[item.name].astype(float) for item in fields(cls)[2:]}
+        return cls(t=t, id=records["id"].astype(np.int64), **columns)
 
     def of(self, marker: int) -> MarkerSeries:
         """Return the rows of one marker."""
         mine = self.id == marker
-        return MarkerSeries(
-            t=self.t[mine], id=self.id[mine], theta=self.theta[mine], z=self.z[mine], s=self.s[mine]
-        )
+        return MarkerSeries(**{item.name: getattr(self, item.name)[mine] for item in fields(self)})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,6 +126,10 @@ class MarkerRow:
     original: float  # n marker spacings [m]
     s_fem: float | None = None  # Predicted curve length [m]
     s_tracked: float | None = None  # Measured by the camera in this run [m]
+    theta_tracked: float | None = None  # Its mean place there [rad]
+    z_tracked: float | None = None  # [m]
+    sigma_theta: float | None = None  # One standard deviation of theta_tracked [rad]
+    sigma_z: float | None = None  # One standard deviation of z_tracked [m]
     h: float | None = None  # Correction factor
     h_held_out: float | None = None  # The learned factor of a training that never saw this case
     s_corrected: float | None = None  # h S_FEM [m]
@@ -223,6 +233,10 @@ def run_json(record: RunRecord) -> dict[str, Any]:
                 "original_m": known(row.original),
                 "s_fem_m": known(row.s_fem),
                 "s_tracked_m": known(row.s_tracked),
+                "theta_tracked_rad": known(row.theta_tracked),
+                "z_tracked_m": known(row.z_tracked),
+                "sigma_theta_rad": known(row.sigma_theta),
+                "sigma_z_m": known(row.sigma_z),
                 "h": known(row.h),
                 "h_held_out": known(row.h_held_out),
                 "s_corrected_m": known(row.s_corrected),
