@@ -15,7 +15,9 @@ import pytest
 from recordings import recorded
 
 import cable_winding as cw
+from correction_node.models.own_runs import load_own_runs
 from processes import in_namespace
+from winding_cli.offline.recorded_run import recorded_numbers
 from winding_core.cable.cases import paper_case
 from winding_core.helix import curve_length
 from winding_core.machine.axes import MachineAxes
@@ -98,6 +100,16 @@ def test_wound_marker_is_tracked_to_one_percent_and_no_other_is_invented(
     tracked = clouds(recorded_run, topics.TRACKED_MARKERS, MARKER_DTYPE)
     assert len(tracked) == numbers["frames"]
     assert not any(is_wound(markers[markers["id"] >= 2]).any() for _, markers in tracked)
+
+
+def test_recordings_are_learned_from_like_runs(recorded_run: Any, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        (tmp_path / name).symlink_to(recorded_run.bag)
+    (tmp_path / "c.mcap").write_bytes(b"no recording")
+    with pytest.raises(ValueError, match="has 1 runs to learn from, 3 needed") as refusal:
+        load_own_runs(tmp_path, recorded_numbers)
+    assert "run b measures exactly what run a does" in str(refusal.value)
+    assert "run c.mcap has no record to learn from" in str(refusal.value)
 
 
 def test_correction_is_the_weight_times_the_prediction(recorded_run: Any) -> None:

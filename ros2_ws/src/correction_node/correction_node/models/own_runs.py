@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -26,6 +26,8 @@ PATH = ("advance_m_per_rad", "free_length_m")
 # No physics is off by more; swapped columns and mixed units are.
 MOST_OFF = 0.5
 FEWEST_RUNS = 3
+RECORDINGS = (".mcap", ".db3")
+ReadBag = Callable[[Path], Mapping[str, Any]]
 _TRACKED = ("theta_tracked_rad", "z_tracked_m", "sigma_theta_rad", "sigma_z_m")
 _FIT = (Verdict.GOOD.value, Verdict.NOT_GOOD.value)
 
@@ -53,11 +55,12 @@ class _Run:
     refusal: str = ""  # Why nothing is learned from it; empty if something is
 
 
-def load_own_runs(path: Path) -> DataSet:
+def load_own_runs(path: Path, read_bag: ReadBag | None = None) -> DataSet:
     """Return the cells of own runs; `case` numbers them, `refused` has what is left out.
 
     Args:
-        path: CSV with OWN_COLUMNS, a run's folder with run.json, or a folder of such folders.
+        path: CSV with OWN_COLUMNS, a run's folder with run.json, a recording, or a folder of such.
+        read_bag: Reads a recording as what its run.json would hold; ValueError if it cannot.
 
     Raises:
         ValueError: The runs that can be learned from are too few; one sentence.
@@ -66,7 +69,8 @@ def load_own_runs(path: Path) -> DataSet:
     cells: list[LengthCell] = []
     refused = []
     paths = set()
-    for run in _of_table(path) if path.is_file() else _of_folders(path):
+    table = path.is_file() and path.suffix not in RECORDINGS
+    for run in _of_table(path) if table else _of_folders(path, read_bag):
         refusal = run.refusal or next(filter(None, map(_strange, run.readings)), "")
         measured = tuple(reading.s for reading in run.readings)
         if not refusal and measured in seen:
@@ -105,9 +109,9 @@ def _cell(number: int, cable: str, reading: _Reading) -> LengthCell:
 
 
 def is_own(path: Path) -> bool:
-    """Return whether a data set is one of own runs: a folder, or a table with a column run."""
-    if not path.is_file():
-        return path.is_dir()
+    """Return whether a data set is one of own runs: no table, or one with a column run."""
+    if not path.is_file() or path.suffix in RECORDINGS:
+        return path.exists()
     with path.open(encoding="utf-8-sig", errors="replace") as file:
         return "run" in file.readline().strip().split(",")
 
@@ -196,20 +200,24 @@ def _placed(
     return _Reading(case, marker, s_fem, s, sigma, z, sigma_z, path)
 
 
-def _of_folders(path: Path) -> Iterable[_Run]:
-    if not path.is_dir():
-        raise FileNotFoundError(
-            f"no data set {path}: give paper, rod, a CSV file or a folder of runs"
-        )
-    alone = path / "run.json"
-    files = [alone] if alone.is_file() else sorted(path.glob("*/run.json"))
-    return [_of_folder(file) for file in files]
+def _of_folders(path: Path, read_bag: ReadBag | None) -> Iterable[_Run]:
+    places = [path] if _holds_run(path) else filter(_holds_run, sorted(path.iterdir()))
+    return [_of_folder(place, read_bag) for place in places]
 
 
-def _of_folder(file: Path) -> _Run:
-    run = _Run(file.parent.name)
+def _holds_run(place: Path) -> bool:
+    files = ("run.json", "metadata.yaml")
+    return place.suffix in RECORDINGS or any((place / name).is_file() for name in files)
+
+
+def _of_folder(place: Path, read_bag: ReadBag | None) -> _Run:
+    run = _Run(place.name)
     try:
-        record = json.loads(file.read_text(encoding="utf-8"))
+        file = place / "run.json"
+        if file.is_file() or read_bag is None:
+            record = json.loads(file.read_text(encoding="utf-8"))
+        else:
+            record = read_bag(place)
         outcome = record["outcome"]
         what = {name: item["value"] for name, item in record["identity"]["condition"].items()}
         rows = [row for row in record["markers"] if row["s_fem_m"] and row["s_tracked_m"]]
@@ -222,7 +230,7 @@ def _of_folder(file: Path) -> _Run:
             run.refusal = f"is unhealthy: {outcome['losses'][0]}"
         elif not rows:
             run.refusal = "has no marker with a predicted and a measured length"
-    except (KeyError, TypeError, ValueError) as error:
+    except (OSError, KeyError, TypeError, ValueError) as error:
         run.refusal = f"has no record to learn from: {error!r}"
         return run
     run.cable = _cable(case)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -26,9 +26,6 @@ from winding_core.parameters import ParameterError, build, typed_values
 from winding_core.run_options import OperatorLimits
 from winding_core.units import MEGABYTE, MILLISECOND
 from winding_recorder.bags.description import COMPLETE, PARAMETERS, RECOVERED, BagError
-
-if TYPE_CHECKING:
-    from winding_reports.records.identity import Origin
 
 _KEY_PERIOD = 0.1
 # A bag time below is no date: the year 2001 [s].
@@ -316,57 +313,15 @@ def write_recorded_report(
     Raises:
         BagError: The recording cannot be read, or has no condition of what was wound.
     """
+    from winding_cli.offline.recorded_run import record_of
     from winding_cli.run.delivery import flaw, show, write
-    from winding_cli.run.outcome import asked_extent
-    from winding_cli.run.record import run_record
-    from winding_core.cable.condition import Condition
-    from winding_core.lay.drum_parameters import DrumParameters
-    from winding_core.parameters import declared_in
-    from winding_core.run_options import LayWish
-    from winding_core.run_outcome import Cause, EndedBy, Ending
-    from winding_recorder.bags.contents import configuration_of
-    from winding_recorder.playback.recorded_buffer import recorded_run
-    from winding_ros import topics
-    from winding_supervisor.session.session import RunResult
 
-    run = recorded_run(source)
-    condition = configuration_of(Condition, run.parameters[topics.FEM], topics.FEM)
-    control = run.parameters.get(topics.LAY_CONTROL, {})
-    wish: Any = declared_in(LayWish, control) | declared_in(DrumParameters, control)
-    cause = None
-    if run.ended:
-        cause = Cause(by=EndedBy.UNKNOWN, source=source.name, text=run.ended)
-    result = RunResult(
-        buffer=run.buffer,
-        wall_s=0.0,
-        ending=Ending(cause=cause),
-        simulated=topics.RIG in run.parameters,
-        bags=(source,),
-    )
-    record = run_record(
-        condition,
-        result,
-        wish,
-        limits,
-        asked=asked_extent(condition, None),
-        parameters=run.parameters,
-        origin=_origin(run.origin),
-    )
+    record, result = record_of(source, limits)
     show(record)
     write(record, out, out / "run.json", bags=(source,))
     sentence = flaw(record, result, given)
     if sentence:
         refuse(sentence, FAILED)
-
-
-def _origin(text: str) -> Origin | None:
-    """Return which run a recording is of; None where it does not name one."""
-    from winding_reports.records.identity import Origin
-
-    try:
-        return Origin.from_text(text) if text else None
-    except ValueError:
-        return None
 
 
 @contextmanager

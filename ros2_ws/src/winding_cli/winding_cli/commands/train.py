@@ -51,7 +51,8 @@ def train(
         typer.Option(
             help="Predicted lengths: paper (its simulation column), rod (our rod solver), rod-N "
             "(without case N), or a CSV file with the columns case, marker, s_fem_m; or your own "
-            "runs: a folder of them, or a CSV file with the columns that docs/learning.md lists."
+            "runs: folders or recordings, a folder of them, or a CSV file with the columns that "
+            "docs/learning.md lists."
         ),
     ] = "rod",
     out: Annotated[
@@ -85,7 +86,12 @@ def train(
 
     console = result_console()
     with refused(FileNotFoundError, ValueError):
-        data_set = load_own_runs(Path(data)) if is_own(Path(data)) else load_data_set(data)
+        if is_own(Path(data)):
+            from winding_cli.offline.recorded_run import recorded_numbers
+
+            data_set = load_own_runs(Path(data), recorded_numbers)
+        else:
+            data_set = load_data_set(data)
     if data_set.own:
         _learn_own(data_set, out, force=force)
         return
