@@ -204,7 +204,7 @@ def learn_places(
         cells: Measured cells.
         held_out: h of each cell from a model that never saw its case, shape (n,).
         configured: Advance of the guide [m/rad] and free length [m]; None where they differ.
-        off_length: As of `place_errors`.
+        off_length: As of `place_errors`, shape (n,).
     """
     if configured is None or not np.isfinite([cell.z_exp for cell in cells]).all():
         return None, {}
