@@ -155,6 +155,21 @@ def test_places_of_runs_left_out_are_learned_with_their_lengths(tmp_path: Path) 
     assert np.abs(again - z).mean() <= 1.6 * SIGMA_Z
 
 
+def test_a_cable_left_out_is_foretold_worse_than_a_run_left_out(tmp_path: Path) -> None:
+    rows = [
+        {**row, "run": f"{cable}{row['run']}", "cable": cable}
+        for cable, seed in (("hose", 4), ("tube", 5))
+        for row in hidden_runs(seed)
+    ]
+    learned = learn_own(load_own_runs(write(tmp_path / "runs.csv", rows)), lambda _: None)
+    card = learned.factor.card
+    assert card["cables"] == ["hose", "tube"]
+    # Ten runs of one cable say nothing of the hidden modulus of another.
+    assert card["cable_left_out_pct"] > 3.0
+    by_run = card["errors"]["process"]["leave_one_case_out_pct"]
+    assert by_run <= 0.5
+
+
 def test_no_place_is_learned_from_guides_of_different_ways(tmp_path: Path) -> None:
     rows = [
         {**row, "advance_m_per_rad": 2.0e-3 if row["run"] == "r0" else 3.0e-3}
