@@ -220,6 +220,15 @@ def dimensionless_inputs(conditions: Sequence[MarkerCondition]) -> Array:
     )
 
 
+def cable_inputs(conditions: Sequence[MarkerCondition]) -> Array:
+    """Return the dimensionless inputs and (ln E, ln D_cable), shape (n, 5).
+
+    Cables whose moduli are wrong by other factors differ where sigma / E and D / d do not.
+    """
+    own = [(math.log(c.young), math.log(c.cable_diameter)) for c in conditions]
+    return np.hstack([dimensionless_inputs(conditions), np.array(own)])
+
+
 def strain(conditions: Sequence[MarkerCondition]) -> Array:
     """Return how far the weight strains a linear cable, sigma / E, shape (n,)."""
     return np.array([c.tension / c.young for c in conditions])
@@ -230,7 +239,11 @@ def turns(condition: MarkerCondition) -> float:
     return condition.original_length / (math.pi * condition.cylinder_diameter)
 
 
-INPUTS: dict[str, Inputs] = {"condition": condition_inputs, "dimensionless": dimensionless_inputs}
+INPUTS: dict[str, Inputs] = {
+    "condition": condition_inputs,
+    "dimensionless": dimensionless_inputs,
+    "cable": cable_inputs,
+}
 
 
 def conditions_of(case: Case, law: str) -> tuple[MarkerCondition, ...]:

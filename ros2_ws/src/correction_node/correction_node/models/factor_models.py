@@ -189,31 +189,31 @@ class RigModel:
 
 @dataclass(frozen=True, kw_only=True)
 class ProcessModel:
-    """ln h as a process over the dimensionless inputs; 1 far from what it was learned from.
+    """ln h as a process over inputs of a condition; 1 far from what it was learned from.
 
     A run is pulled harder or less hard than another one: what it has of its own grows with the
     strain.
     """
 
     process: Process  # Of ln(S_EXP / S_FEM)
+    inputs: str = "cable"  # One of INPUTS
 
     def h(self, conditions: Sequence[MarkerCondition]) -> Array:
         """Return h, shape (n,)."""
-        return np.exp(self.process.at(INPUTS["dimensionless"](conditions))[0])
+        return np.exp(self.process.at(INPUTS[self.inputs](conditions))[0])
 
     def bounds(self, conditions: Sequence[MarkerCondition]) -> Array:
         """Return relative half-widths of 90 % intervals, shape (n,)."""
-        return np.expm1(
-            self.process.half_width(INPUTS["dimensionless"](conditions), strain(conditions))
-        )
+        inputs = INPUTS[self.inputs](conditions)
+        return np.expm1(self.process.half_width(inputs, strain(conditions)))
 
     def tensors(self) -> dict[str, Array]:
         """Return every number of the process."""
         return self.process.tensors("process")
 
     def form(self) -> dict[str, Any]:
-        """Return the kind."""
-        return {"kind": "process"}
+        """Return the kind and the inputs."""
+        return {"kind": "process", "inputs": self.inputs}
 
 
 def read_model(form: Mapping[str, Any], tensors: Tensors) -> FactorModel:
@@ -223,7 +223,9 @@ def read_model(form: Mapping[str, Any], tensors: Tensors) -> FactorModel:
         KeyError, ValueError, TypeError: They do not.
     """
     if form["kind"] == "process":
-        return ProcessModel(process=Process.read("process", tensors))
+        # Those of before are without the cable's own.
+        inputs = form.get("inputs", "dimensionless")
+        return ProcessModel(process=Process.read("process", tensors), inputs=inputs)
     if form["kind"] == "network":
         return _network(form, tensors)
     if form["kind"] != "rig":

@@ -84,6 +84,16 @@ def load_own_runs(path: Path, read_bag: ReadBag | None = None) -> DataSet:
     if len(seen) < FEWEST_RUNS:
         why = "".join(f"; {sentence}" for sentence in refused)
         raise ValueError(f"{path} has {len(seen)} runs to learn from, {FEWEST_RUNS} needed{why}")
+    named: dict[tuple[float, float], str] = {}
+    for cell in cells:
+        known = named.setdefault((cell.cable_diameter, cell.young), cell.cable)
+        if known != cell.cable:
+            raise ValueError(
+                f"cables {known} and {cell.cable} are configured alike, "
+                f"{_cable(cell.cable_diameter, cell.young)}: nothing "
+                "tells a run with one from a run with the other; learn from one at a time, or "
+                "configure the modulus of each"
+            )
     (advance, free_length), *others = paths
     return DataSet(
         name=path.name,
@@ -152,7 +162,9 @@ def _of_table(path: Path) -> Iterable[_Run]:
         except (TypeError, ValueError) as error:
             run.refusal = run.refusal or f"line {line}: {error}"
             continue
-        run.cable = row.get("cable") or _cable(reading.case)
+        run.cable = row.get("cable") or _cable(
+            reading.case.cable_diameter, reading.case.material.young
+        )
         run.readings.append(reading)
     return found.values()
 
@@ -233,7 +245,7 @@ def _of_folder(place: Path, read_bag: ReadBag | None) -> _Run:
     except (OSError, KeyError, TypeError, ValueError) as error:
         run.refusal = f"has no record to learn from: {error!r}"
         return run
-    run.cable = _cable(case)
+    run.cable = _cable(case.cable_diameter, case.material.young)
     run.readings = [
         _placed(case, row["id"], row["s_fem_m"], path, *(row[name] for name in _TRACKED))
         if _TRACKED[0] in row
@@ -262,5 +274,5 @@ def _path(what: Mapping[str, Any]) -> tuple[float, float]:
     return advance, 1.0e-3 * what["free_length_mm"]
 
 
-def _cable(case: Case) -> str:
-    return f"{1e3 * case.cable_diameter:g} mm, {1e-6 * case.material.young:g} MPa"
+def _cable(diameter: float, young: float) -> str:
+    return f"{1e3 * diameter:g} mm, {1e-6 * young:g} MPa"

@@ -13,8 +13,9 @@ from correction_node.models.dataset import Array
 
 # Half of the 90 % interval of a normal variable, in standard deviations.
 NORMAL_90 = 1.6449
-# Ranges of the scales, in spreads of an input, and of the deviations of smooth part, run and
-# reading, in root mean squares of what is explained; the search begins at the first of three.
+# Ranges of the scales, in spreads of an input, and of the deviations of smooth part, run (at the
+# root mean square of its effects) and reading, in root mean squares of what is explained; the
+# search begins at the first of three.
 _SCALES = (1.0, 0.3, 100.0)
 _DEVIATIONS = ((1.0, 0.05, 10.0), (0.1, 1.0e-3, 2.0), (0.5, 1.0e-3, 2.0))
 # An input that hardly varies, relative: its scale is not identified but a tenth of its value.
@@ -76,6 +77,8 @@ class Process:
         scaled = (inputs - mean) / spread
         size = max(float(np.sqrt(np.mean(y**2))), 1.0e-9)
         effects = np.broadcast_to(effect, y.shape)
+        reach = max(float(np.sqrt(np.mean(effects**2))), _NONE)
+        effects = effects / reach
         same = np.where(runs[:, np.newaxis] == runs, np.outer(effects, effects), 0.0)
         known = np.diag(np.broadcast_to(np.square(np.asarray(sigma) / size), y.shape))
         ranges = np.log([_SCALES] * inputs.shape[1] + list(_DEVIATIONS))
@@ -93,6 +96,7 @@ class Process:
         found = minimize(loss, ranges[:, 0], method="L-BFGS-B", bounds=ranges[:, 1:]).x
         root = size * factor(found)
         deviations = size * np.exp(found[-3:])
+        deviations[1] /= reach
         # A reading to come scatters like the known ones.
         deviations[2] = np.hypot(deviations[2], np.sqrt(np.mean(np.square(sigma))))
         kernel = deviations[0] ** 2 * _kernel(scaled, scaled, np.exp(found[:-3]))

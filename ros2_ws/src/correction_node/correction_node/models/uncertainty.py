@@ -73,6 +73,8 @@ class TrainingBox:
     weight: tuple[float, float]  # (smallest, largest) [N]
     turns: float | None = None
     young: tuple[float, float] = (Material().young,) * 2  # As configured in the solver [Pa]
+    # Diameter [m] and modulus [Pa] of each cable, where no other one is inside; else empty.
+    cables: tuple[tuple[float, float], ...] = ()
 
     @classmethod
     def around(cls, cells: Sequence[LengthCell], *, by_marker: bool = False) -> TrainingBox:
@@ -94,6 +96,10 @@ class TrainingBox:
     def outside(self, case: Case) -> str | None:
         """Return one sentence on why a condition lies outside, or None when it lies inside."""
         one_young = self.young[0] == self.young[1]
+        own = (case.cable_diameter, case.material.young)
+        if self.cables and not np.isclose(own, self.cables, rtol=ROUNDING).all(axis=1).any():
+            known = ", ".join(_cable(cable) for cable in self.cables)
+            return f"the cable, {_cable(own)}, is none of the trained {known}: no correction"
         for name, value, (low, high), unit in (
             ("cylinder_diameter", case.cylinder_diameter, self.cylinder_diameter, "m"),
             ("cable_diameter", case.cable_diameter, self.cable_diameter, "m"),
@@ -117,6 +123,10 @@ class TrainingBox:
                 f"{self.turns:.4g}: no correction"
             )
         return None
+
+
+def _cable(cable: tuple[float, float]) -> str:
+    return f"{cable[0]:.4g} m with {cable[1]:.4g} Pa"
 
 
 def _range(values: Sequence[float]) -> tuple[float, float]:

@@ -24,6 +24,7 @@ from winding_core.cable.cases import Case
 SCHEMA = "cable-winding-twin/correction-weight/2"
 WEIGHTS_FILE = "weights.safetensors"
 CARD_FILE = "card.json"
+_RANGES = ("cylinder_diameter", "cable_diameter", "weight", "young")
 # Name of shipped weights: the data and the model that they were learned with.
 SHIPPED = {
     "rod": ("rod", "rig network"),
@@ -135,7 +136,7 @@ def save_factor(factor: TrainedFactor, directory: Path) -> None:
         "form": factor.model.form(),
         "law": factor.law,
         "weights_sha256": hashlib.sha256(content).hexdigest(),
-        "box": asdict(factor.box),
+        "box": {name: ends for name, ends in asdict(factor.box).items() if ends != ()},
         "bound": asdict(factor.bound),
         "outside_bound": factor.outside_bound,
     }
@@ -166,7 +167,8 @@ def load_factor(directory: Path) -> TrainedFactor:
         digest = card["weights_sha256"]
         box = TrainingBox(
             turns=card["box"]["turns"],
-            **{name: tuple(ends) for name, ends in card["box"].items() if name != "turns"},
+            cables=tuple((d, young) for d, young in card["box"].get("cables", ())),
+            **{name: tuple(card["box"][name]) for name in _RANGES if name in card["box"]},
         )
         bound = Bound(**card["bound"])
         outside_bound = float(card["outside_bound"])

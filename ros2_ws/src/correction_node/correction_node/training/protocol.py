@@ -175,7 +175,10 @@ def learn_own(data: DataSet, progress: Progress, law: str = "linear") -> Learned
             name=PROCESS,
             model=whole,
             law=law,
-            box=TrainingBox.around(cells, by_marker=True),
+            box=replace(
+                TrainingBox.around(cells, by_marker=True),
+                cables=tuple(sorted({(cell.cable_diameter, cell.young) for cell in cells})),
+            ),
             bound=Bound(relative=float(whole.bounds(cells).max()), level=LEVEL),
             outside_bound=OUTSIDE_FACTOR * float(np.abs(s_exp / s_fem - 1.0).max()),
             card={
