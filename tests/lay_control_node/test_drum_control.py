@@ -24,8 +24,9 @@ from winding_verification.closed_loop.run import ClosedResult, ClosedRun, wind
 TURN = 2.0 * math.pi
 WHAT = Condition(case=9).resolved()
 D = WHAT.case.cable_diameter
-PITCH = 1.03 * D
-DRUM = DrumParameters(drum_width=3.6 * PITCH + D, flange=0.02, layers=3)
+# Turns that nearly touch: 1.025 diameters.
+PITCH = 4.1e-3
+DRUM = DrumParameters(drum_width=26.0e-3, flange=0.02, layers=3)
 WOUND = DRUM.wind(WHAT.case, PITCH)
 
 
@@ -126,6 +127,17 @@ def test_a_gap_and_a_climb_are_found_within_a_turn_in_every_layer(turn: int) -> 
         assert (first.kind, first.layer) == (kind, layer.number)
         assert begin < first.theta / TURN < begin + 1.0
         assert first.measured
+
+
+def test_cable_is_held_by_a_turn_that_it_touches_only() -> None:
+    watch = watched()
+    first, second = WOUND.layers[:2]
+    for layer, theta in ((first, 2.3 * TURN), (second, (second.first_turn + 1.5) * TURN)):
+        before = float(WOUND.program().z_at(theta - TURN))
+        touching, apart = (before + layer.direction * width * D for width in (1.0, 1.1))
+        assert watch.held(theta, touching, 1e-5) * layer.direction > 0.0
+        assert watch.held(theta, apart, 1e-5) == 0.0
+    assert watch.held(0.5 * TURN, 0.0, 1e-5) == 0.0
 
 
 def test_a_missing_edge_turn_is_found_where_its_layer_ends() -> None:

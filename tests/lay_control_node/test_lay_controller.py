@@ -220,6 +220,18 @@ def test_a_bent_span_is_two_lags_in_a_row(bend: float) -> None:
     assert now.z == pytest.approx(expected, abs=1.0e-6)
 
 
+@pytest.mark.parametrize("held", [1.0, 0.0])
+def test_what_a_neighbour_holds_is_no_offset_of_the_eye(held: float) -> None:
+    """The guide stands 3 mm nearer to the turn before than the cable that lies against it."""
+    lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED))
+    for theta in np.arange(0.01, 6.0, 0.01):
+        lay.advance(float(theta), -3.0e-3)
+        lay.measure(float(theta), 0.0, 5.0e-5, held=held)
+    offset = lay.estimate().offset
+    # A deviation of the eye on its carriage; a cable that nothing holds lies so because of it.
+    assert (offset < LayFilterConfig.sigma_offset) == (held > 0.0)
+
+
 def test_a_free_length_that_misread_heights_have_led_astray_begins_anew() -> None:
     # As behind a guide that overshoots: for half a turn the heights are those of a longer span.
     true, misread = (

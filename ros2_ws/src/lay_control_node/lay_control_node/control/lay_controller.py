@@ -261,7 +261,8 @@ class LayController:
         return math.sqrt(self.config.bending_stiffness / max(float(tension), _LEAST_TENSION))
 
     def _measure(self, theta: float, z: float, sigma: float, limit: float = math.inf) -> None:
-        score = self.lay.measure(theta, z, sigma, limit)
+        held = 0.0 if self.watch is None else self.watch.held(theta, z, sigma)
+        score = self.lay.measure(theta, z, sigma, limit, held)
         if score is not None:
             self.innovations = [*self.innovations[-99:], score]
 

@@ -176,11 +176,18 @@ class LayFilter:
         self._since.append(place)
 
     def measure(
-        self, theta: float, z: float, sigma: float, limit: float = math.inf
+        self,
+        theta: float,
+        z: float,
+        sigma: float,
+        limit: float = math.inf,
+        held: float = 0.0,
     ) -> float | None:
         """Take the height z [m] of cable at a wound angle [rad] with its deviation [m].
 
         One that is off by more than a limit [m] is never accepted, however long that persists.
+        Cable beside it may hold it off its place in the sense of z that `held` has, 1 or -1: then
+        one that is off in that sense bounds the place only, and an estimate within the bound stays.
 
         Returns:
             Its innovation in standard deviations; None where it is not new, because cable
@@ -194,8 +201,10 @@ class LayFilter:
             self._carry(seen, *self._since.popleft())
         if self._since:
             self._carry(seen, theta, self._between(theta), *self._since[0][2:])
-        noise = sigma**2 + self.config.correlated**2
         innovation = z - seen.mean[Z]
+        if held * innovation > 0.0:
+            return None
+        noise = sigma**2 + self.config.correlated**2
         if abs(innovation) > limit or self._is_outlier(
             theta, innovation, seen.covariance[Z, Z] + noise
         ):

@@ -20,6 +20,8 @@ _PER_TURN = 72
 # Neighbours that are so many diameters farther apart or closer than wanted lie wrong, and so do
 # those whose places are known no better than so many deviations.
 _OFF, _DEVIATIONS = 0.3, 4.0
+# Cable that lies beside the turn before within so many deviations touches it.
+_TOUCHES = 3.0
 # For so many places in a row, a sixth of a turn: what is pushed aside while it climbs is shorter.
 _IN_A_ROW = 12
 # What lands now is seen a little later: measured is what was seen of it by half.
@@ -127,6 +129,26 @@ class LayerWatch:
         if near or self._layers[at] == 1:
             self._z[at], self._sigma[at], self._measured[at] = z, sigma, True
             self._judge(at)
+
+    def held(self, theta: float, z: float, sigma: float) -> float:
+        """Return in which sense of z, 1 or -1, the turn before may hold cable that was seen.
+
+        Args:
+            theta: Wound angle [rad].
+            z: Where the cable was seen [m].
+            sigma: One standard deviation of z [m].
+
+        Returns:
+            0 where it does not touch that turn.
+        """
+        at = self._place(theta)
+        before = at - _PER_TURN
+        if before < 0 or self._layers[at] != self._layers[before]:
+            return 0.0
+        onward, diameter = float(self._onward[at]), self._wound.cable_diameter
+        apart = onward * (z - self._z[before]) - diameter
+        touches = apart < _TOUCHES * math.hypot(sigma, self._sigma[before])
+        return onward if touches else 0.0
 
     def _place(self, theta: float) -> int:
         return min(max(int(theta / FULL_TURN * _PER_TURN), 0), self._z.size - 1)
