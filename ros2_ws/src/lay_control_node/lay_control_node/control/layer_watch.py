@@ -21,7 +21,7 @@ _PER_TURN = 72
 # those whose places are known no better than so many deviations.
 _OFF, _DEVIATIONS = 0.3, 4.0
 # Cable that lies beside the turn before within so many deviations touches it.
-_TOUCHES = 3.0
+_TOUCHES = 2.0
 # For so many places in a row, a sixth of a turn: what is pushed aside while it climbs is shorter.
 _IN_A_ROW = 12
 # What lands now is seen a little later: measured is what was seen of it by half.
