@@ -13,8 +13,11 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 SHORT := $(VENV)/.installed-short
 WHOLE := $(VENV)/.installed-whole
+# The leg's environment has the versions of Ubuntu 24.04, where stock Jazzy runs.
+NOBLE := $(findstring .venv-3.12,$(VENV))
+PINS := $(if $(NOBLE),build/noble.txt,constraints.txt)
 # pip with the versions that were tested.
-PIP = $(BIN)/python -m pip install --quiet --constraint constraints.txt \
+PIP = $(BIN)/python -m pip install --quiet --constraint $(PINS) \
     $(if $(TORCH_INDEX),--extra-index-url $(TORCH_INDEX))
 # Options that count lines, for `make coverage`.
 COUNT :=
@@ -29,7 +32,11 @@ unexport PYTHONDONTWRITEBYTECODE
 .PHONY: demo docs kernels check test leg campaign coverage bench bench-peers lint dist sbom audit clean install
 install: $(WHOLE)
 
-$(STAMP): pyproject.toml constraints.txt
+build/noble.txt: release/noble.txt constraints.txt
+	mkdir -p build
+	awk -F'==' 'NR == FNR { older[$$1]; print; next } !($$1 in older)' $^ > $@
+
+$(STAMP): pyproject.toml $(PINS)
 	$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13) and "Python 3.11, 3.12 or 3.13 is needed, got " + sys.version.split()[0] + "; set PYTHON=")'
 	$(PYTHON) -m venv --clear $(VENV)
 	$(PIP) --no-compile --editable '.[$(EXTRAS)]'
@@ -41,6 +48,7 @@ $(WHOLE): $(STAMP)
 
 $(SHORT): $(STAMP)
 	$(PIP) --editable '.[$(EXTRAS),dev]'
+	$(if $(NOBLE),$(PIP) opencv-contrib-python-headless)
 	touch $@
 
 demo: $(STAMP)
@@ -67,11 +75,13 @@ test: $(WHOLE) kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile --ignore tests/lint -m "not processes and not campaign" $(COUNT)
 	$(BIN)/python -m pytest -m "processes and not campaign" $(COUNT)
 
-# The graph's processes on a further Python, in an environment of their own:
+# The graph's processes, calibration and conformance on a further Python, in an environment of
+# their own; on 3.12 with the NumPy and OpenCV of Ubuntu 24.04:
 # make leg PYTHON=python3.12 VENV=.venv-3.12
 leg: $(SHORT) kernels
 	run=$$(mktemp -d) && $(BIN)/winding run --case 4 --duration-s 5 --output $$run/run && rm -r $$run
-	$(BIN)/python -m pytest tests/graph -m "processes and not campaign"
+	$(BIN)/python -m pytest tests/graph tests/marker_tracker_node/test_camera.py \
+	    tests/winding_cli/conformance -m "not campaign"
 
 # What takes minutes: faults, kills, browsers, networks, tutorials, whole films.
 # Both halves always run, whatever the first one found.

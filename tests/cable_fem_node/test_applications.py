@@ -11,6 +11,7 @@ import pytest
 from random_conditions import TOO_LONG
 from realistic_conditions import drawn
 from rods import CONFIG, case_of
+from scipy.integrate import trapezoid
 
 from cable_fem_node.winding.expected_cost import expected_cost, falling_behind
 from cable_fem_node.winding.prediction import PlannedRun, Prediction
@@ -122,7 +123,7 @@ def test_bending_takes_the_work_of_the_stress_over_the_section(core: float) -> N
     place = np.linspace(-1.0, 1.0, 200_001)
     strain = np.abs(place)
     density = np.where(strain < core, 0.5 * strain**2, core * strain - 0.5 * core**2)
-    work = np.trapezoid(density * 2.0 * np.sqrt(1.0 - place**2), place)
+    work = trapezoid(density * 2.0 * np.sqrt(1.0 - place**2), place)
     # The trapezoidal rule's error where the section ends with an upright tangent.
     assert yielding_share(core) == pytest.approx(work / (math.pi / 8.0), rel=1.0e-6)
 

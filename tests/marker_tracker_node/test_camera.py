@@ -130,7 +130,7 @@ def photograph(picture, size, rotation, shift):
 
 
 def views(count=14):
-    print_ = CHARUCO.charuco().generateImage((1400, 800), marginSize=0, borderBits=1)
+    print_ = CHARUCO.charuco().picture((1400, 800))
     print_ = cv2.cvtColor(print_, cv2.COLOR_GRAY2BGR)
     rng = np.random.default_rng(5)
     for _ in range(count):

@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from marker_tracker_node.arrays import ByteArray, FloatArray
+from marker_tracker_node.camera.charuco import CharucoBoard
 from marker_tracker_node.camera.pinhole import PLUMB_BOB, PinholeCamera
 from winding_core.yaml_text import YamlTextError, load_yaml
 
@@ -49,12 +50,10 @@ class Board:
         if not hasattr(cv2.aruco, self.dictionary):
             raise CalibrationError(f"dictionary {self.dictionary!r} is unknown to cv2.aruco")
 
-    def charuco(self) -> Any:
-        """Return OpenCV's board."""
-        dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, self.dictionary))
-        return cv2.aruco.CharucoBoard(
-            (self.columns, self.rows), self.square, self.marker or 0.0, dictionary
-        )
+    def charuco(self) -> CharucoBoard:
+        """Return the board with its markers."""
+        marker = self.marker or 0.0
+        return CharucoBoard(self.columns, self.rows, self.square, marker, self.dictionary)
 
     def picture(self, dots_per_metre: float) -> ByteArray:
         """Return the board as it is printed, black on white, shape (height, width).
@@ -68,8 +67,7 @@ class Board:
                 f"a square needs 8 dots or more, {self.square} m has {side} at {dots_per_metre:g}/m"
             )
         if self.marker is not None:
-            size = (self.columns * side, self.rows * side)
-            return np.asarray(self.charuco().generateImage(size), dtype=np.uint8)
+            return self.charuco().picture((self.columns * side, self.rows * side))
         dark = np.add.outer(np.arange(self.rows), np.arange(self.columns)) % 2 == 0
         return np.kron(np.where(dark, 0, 255), np.ones((side, side))).astype(np.uint8)
 
@@ -78,12 +76,8 @@ class Board:
         grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY) if picture.ndim == 3 else picture
         if self.marker is None:
             return self._chessboard_corners(grey)
-        board = self.charuco()
-        found, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
-        if ids is None or len(ids) < LEAST_CORNERS:
-            return None
-        points = np.asarray(board.getChessboardCorners(), dtype=float)[np.ravel(ids)]
-        return points, np.asarray(found, dtype=float).reshape(-1, 2)
+        points, pixels = self.charuco().corners(grey)
+        return (points, pixels) if len(points) >= LEAST_CORNERS else None
 
     def _chessboard_corners(self, grey: ByteArray) -> tuple[FloatArray, FloatArray] | None:
         size = (self.columns - 1, self.rows - 1)
