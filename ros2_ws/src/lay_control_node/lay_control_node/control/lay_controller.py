@@ -261,7 +261,10 @@ class LayController:
         return math.sqrt(self.config.bending_stiffness / max(float(tension), _LEAST_TENSION))
 
     def _measure(self, theta: float, z: float, sigma: float, limit: float = math.inf) -> None:
-        held = 0.0 if self.watch is None else self.watch.held(theta, z, sigma)
+        held = 0.0
+        # On upper layers the cable below may hold it as well, either way.
+        if self.watch is not None and self.wanted.at(theta).raised == 0.0:
+            held = self.watch.held(theta, z, sigma)
         score = self.lay.measure(theta, z, sigma, limit, held)
         if score is not None:
             self.innovations = [*self.innovations[-99:], score]

@@ -143,7 +143,7 @@ class LayerWatch:
         """
         at = self._place(theta)
         before = at - _PER_TURN
-        if before < 0 or self._layers[at] != self._layers[before]:
+        if before < 0 or self._layers[at] != self._layers[before] or not self._measured[before]:
             return 0.0
         onward, diameter = float(self._onward[at]), self._wound.cable_diameter
         apart = onward * (z - self._z[before]) - diameter
