@@ -8,6 +8,7 @@ import pytest
 from dense_contact import dense_lay
 from random_conditions import planned
 
+from cable_fem_node.dynamics.state import ImpossibleResultError
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -269,6 +270,20 @@ def test_unwinding_brings_the_cable_below_to_light():
     assert surface.below(node, flat, free).below[0, 0] == pytest.approx(RHO + apart)
     surface.lift(0.0)
     assert surface.below(node, flat, free).below.shape == (0, 1)
+
+
+def test_layers_up_to_the_guide_are_refused_beforehand():
+    # Three layers of 6.5 turns lie up to 25.9 mm from the axis, the guide stands at 22.7 mm.
+    config = WindingConfig(case=CASE, free_length=0.015, drum=drum(6.5))
+    with pytest.raises(ValueError, match=r"the guide stands 22\.67 mm away"):
+        PlannedRun(config=config, duration=70.0)
+
+
+def test_cable_that_lies_up_to_the_guide_is_refused():
+    # The third turn on turns lies 25 mm from the axis.
+    config = WindingConfig(case=CASE, free_length=0.015, segment_length=0.003)
+    with pytest.raises(ImpossibleResultError, match="lies up to the guide"):
+        follow(RodWinding(config), 4, lambda _angle: (0.0, 0.0))
 
 
 def test_the_solid_refuses_a_drum():
