@@ -240,10 +240,10 @@ def normal_forces(points: Points, touch: ContactLaw) -> FloatArray:
     )
 
 
-def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
-    """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
-    deep = (depths(points, touch)[:, :nodes] ** 2).sum(axis=1)
-    slip = points.slip[:, :nodes][:, points.touching[:nodes] == 1]
+def contact_energy(points: Points, touch: ContactLaw) -> float:
+    """Return the energy [J] in the normal and stick springs of all nodes."""
+    deep = (depths(points, touch) ** 2).sum(axis=1)
+    slip = points.slip[:, points.touching == 1]
     return 0.5 * (
         touch.normal_stiffness * float(deep[0])
         + touch.beside_stiffness * float(deep[1:].sum())
@@ -253,7 +253,7 @@ def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) 
 
 def lying_energy(points: Points, touch: ContactLaw, nodes: int) -> float:
     """Return the energy [J] in the springs between the first nodes and the cable below."""
-    deep = depths(points, touch)[1:-1, :nodes]
+    deep = depths(Points(*(part[..., :nodes] for part in points)), touch)[1:-1]
     return 0.5 * touch.beside_stiffness * float((deep**2).sum())
 
 
