@@ -211,6 +211,7 @@ def test_parallel_turns_lie_in_valleys_as_wide_as_their_pitch(pitch):
 
 
 @pytest.mark.campaign
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     ("pitch", "friction", "within"),
     # Friction of 1 holds cable where it lands: all of it lies within the specification's bar. With
