@@ -253,7 +253,7 @@ def contact_energy(points: Points, touch: ContactLaw) -> float:
 
 def lying_energy(points: Points, touch: ContactLaw, nodes: int) -> float:
     """Return the energy [J] in the springs between the first nodes and the cable below."""
-    deep = depths(Points(*(part[..., :nodes] for part in points)), touch)[1:-1]
+    deep = depths(points, touch)[1:-1, :nodes]
     return 0.5 * touch.beside_stiffness * float((deep**2).sum())
 
 
