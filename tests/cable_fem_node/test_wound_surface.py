@@ -8,6 +8,7 @@ import pytest
 from dense_contact import dense_lay
 from random_conditions import planned
 
+from cable_fem_node.dynamics.state import ImpossibleResultError
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -29,7 +30,7 @@ def drum(turns):
 
 def follow(model, turns, guide):
     """Wind so many turns behind a guide: its place [m] and how that goes with the angle [m/rad]."""
-    t = 0.0
+    t = model.time
     while model.cylinder_angle < turns * TURN:
         t += PERIOD
         up = min(t, RAMP)
@@ -45,9 +46,8 @@ def follow(model, turns, guide):
     return model
 
 
-def wound(turns, pitch, between=None, **options):
-    """A rod behind a guide that moves by a pitch [m] a turn, and back where a drum ends."""
-    config = WindingConfig(case=CASE, free_length=0.03, drum=between, **options)
+def helical(pitch, between=None):
+    """A guide that moves by a pitch [m] a turn, and back where a drum ends."""
     width = math.inf if between is None else between.width - DIAMETER
 
     def guide(angle):
@@ -56,7 +56,13 @@ def wound(turns, pitch, between=None, **options):
         odd = back % 2 == 1
         return (width - rest if odd else rest), (-1.0 if odd else 1.0) * pitch / TURN
 
-    return follow(RodWinding(config), turns, guide)
+    return guide
+
+
+def wound(turns, pitch, between=None, **options):
+    """A rod behind a helical guide."""
+    config = WindingConfig(case=CASE, free_length=0.03, drum=between, **options)
+    return follow(RodWinding(config), turns, helical(pitch, between))
 
 
 def parallel(places, crossing):
@@ -168,6 +174,26 @@ def test_layers_that_cross_rise_by_the_mean_of_their_crossings(pitch):
     assert abs(model.energy.balance_pct) < 0.1
 
 
+@pytest.mark.campaign
+@pytest.mark.timeout(3600)
+def test_ten_layers_are_as_long_as_their_closed_form_and_cost_as_much_as_the_first():
+    # Friction of 1 holds cable where it lands; the guide stands beyond the tenth layer's 51 mm.
+    turns, layers, between = 20, 10, drum(21)
+    config = WindingConfig(case=CASE, free_length=0.06, drum=between, friction=1.0)
+    model, steps = RodWinding(config), [0]
+    for layer in range(1, layers + 1):
+        steps.append(follow(model, layer * turns, helical(DIAMETER, between)).element_steps)
+    # The specification's bars, element-steps for the processor time.
+    assert np.diff(steps).max() < 2.0 * steps[1]
+    assert abs(model.energy.balance_pct) < 0.1
+    theta, _, _ = laid(model)
+    nodes = model.cable()[: theta.size]
+    way = np.sqrt(sum(np.diff(nodes[name]) ** 2 for name in "xyz")).cumsum()
+    rise = DIAMETER * np.sqrt(1.0 - np.linspace(0.0, 0.5, 1001) ** 2).mean()
+    closed = sum(turns * math.hypot(TURN * (RHO + n * rise), DIAMETER) for n in range(layers))
+    assert np.interp(layers * turns * TURN, theta[1:], way) == pytest.approx(closed, rel=0.005)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("pitch", [1.5, 1.7])
 def test_parallel_turns_lie_in_valleys_as_wide_as_their_pitch(pitch):
@@ -185,6 +211,7 @@ def test_parallel_turns_lie_in_valleys_as_wide_as_their_pitch(pitch):
 
 
 @pytest.mark.campaign
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize(
     ("pitch", "friction", "within"),
     # Friction of 1 holds cable where it lands: all of it lies within the specification's bar. With
@@ -269,6 +296,20 @@ def test_unwinding_brings_the_cable_below_to_light():
     assert surface.below(node, flat, free).below[0, 0] == pytest.approx(RHO + apart)
     surface.lift(0.0)
     assert surface.below(node, flat, free).below.shape == (0, 1)
+
+
+def test_layers_up_to_the_guide_are_refused_beforehand():
+    # Three layers of 6.5 turns lie up to 25.9 mm from the axis, the guide stands at 22.7 mm.
+    config = WindingConfig(case=CASE, free_length=0.015, drum=drum(6.5))
+    with pytest.raises(ValueError, match=r"the guide stands 22\.67 mm away"):
+        PlannedRun(config=config, duration=70.0)
+
+
+def test_cable_that_lies_up_to_the_guide_is_refused():
+    # The third turn on turns lies 25 mm from the axis.
+    config = WindingConfig(case=CASE, free_length=0.015, segment_length=0.003)
+    with pytest.raises(ImpossibleResultError, match="lies up to the guide"):
+        follow(RodWinding(config), 4, lambda _angle: (0.0, 0.0))
 
 
 def test_the_solid_refuses_a_drum():

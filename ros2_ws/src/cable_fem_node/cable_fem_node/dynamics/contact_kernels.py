@@ -12,9 +12,11 @@ from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.state import (
     BELOW_ROWS,
     GONE,
+    LOADS,
     LOSS_CONTACT,
     LOSS_FRICTION,
     PUSHES,
+    RATES,
     WORK_SURFACE,
     ContactLaw,
     FloatArray,
@@ -71,7 +73,7 @@ def _touching(wound: bool) -> Callable[..., None]:
         touching, contact_radius, below = points.touching, points.contact_radius, points.below
         work = 0.0
         if wound:
-            work = _press(begin, end, dt, surface, points, net, k)
+            work = _press(begin, end, dt, surface, points, k)
         stick = k.stick_stiffness
         per_stick = 1.0 / stick
         dashpot = k.stick_damping / dt
@@ -90,12 +92,18 @@ def _touching(wound: bool) -> Callable[..., None]:
             square = px * px + py * py
             held = touching[i] == 1
             lies = wound and below[PUSHES, i] > 0.0
+            if wound:
+                inverse = 1.0 / below[RATES, i]
+                up, around = below[LOADS, i] * inverse, below[LOADS + 2, i] * inverse
+                net[0, i] += up * px - around * py
+                net[1, i] += up * py + around * px
+                net[2, i] += below[LOADS + 1, i]
             if not held:
                 if square >= square_landing and not lies:
                     continue
                 touching[i] = 1
                 contact_radius[i] = surface.landing
-            radius = math.sqrt(square)
+            radius = below[RATES, i] if wound else math.sqrt(square)
             depth = contact_radius[i] - radius
             slip_t, slip_z = slip[0, i], slip[1, i]
             if depth <= 0.0 and not lies:
@@ -166,8 +174,19 @@ def _touching(wound: bool) -> Callable[..., None]:
             if wound:
                 radial, axial = up + fz * tr, along_z + fz * tz
             if wound and lies and normal > 0.0:
-                share = 1.0 / normal
-                work -= _rub(i, share * ft * radius, share * fz * tr, share * fz * tz, points, net)
+                # The moving cable below is rubbed as it rubs.
+                for first in range(0, GONE, BELOW_ROWS):
+                    if below[first + 4, i] == 0.0:
+                        break
+                    j, share = int(below[first + 5, i]), below[first + 6, i]
+                    if j < 0:
+                        continue
+                    less = below[first + 7, i] / normal
+                    work -= less * ft * radius
+                    for e, part in ((j, less * (1.0 - share)), (j + 1, less * share)):
+                        below[LOADS, e] -= part * fz * tr
+                        below[LOADS + 1, e] -= part * fz * tz
+                        below[LOADS + 2, e] -= part * ft * radius / below[RATES, e]
                 ft += below[PUSHES + 4, i]
             net[0, i] += radial * nx - ft * ny
             net[1, i] += radial * ny + ft * nx
@@ -198,13 +217,20 @@ touch_wound = _touching(wound=True)
 
 
 @called
-def _rates(i: int, dt: float, turned: float, points: Points) -> tuple[float, float, float]:
-    """Return radius [m] of a node and the rates of it [m/s] and of its angle over the surface."""
-    x, v = points.position, points.velocity
-    px, py, vx, vy = x[0, i], x[1, i], v[0, i], v[1, i]
-    radius = math.sqrt(px * px + py * py)
-    rising = (vx * px + vy * py - 0.5 * dt * (vx * vx + vy * vy)) / radius
-    return radius, rising, (vy * px - vx * py) / (radius * radius) - math.sin(turned) / dt
+def _note_rates(begin: int, end: int, dt: float, turned: float, points: Points) -> None:
+    """Write radii of nodes, their rates and those of the angles over the surface, clear pushes."""
+    x, v, below = points.position, points.velocity, points.below
+    chord = math.sin(turned) / dt
+    for row in range(PUSHES, RATES):
+        for i in range(begin, end):
+            below[row, i] = 0.0
+    for i in range(begin, end):
+        px, py, vx, vy = x[0, i], x[1, i], v[0, i], v[1, i]
+        square = px * px + py * py
+        radius = math.sqrt(square)
+        below[RATES, i] = radius
+        below[RATES + 1, i] = (vx * px + vy * py - 0.5 * dt * (vx * vx + vy * vy)) / radius
+        below[RATES + 2, i] = (vy * px - vx * py) / square - chord
 
 
 @called
@@ -214,10 +240,9 @@ def _press(
     dt: float,
     surface: Surface,
     points: Points,
-    net: FloatArray,
     k: ContactLaw,
 ) -> float:
-    """Write how the cable below pushes nodes, see `Points.below`, and push it back where it moves.
+    """Write how cable below pushes nodes, see `Points.below`, and is pushed back where it moves.
 
     Args:
         begin: First node.
@@ -225,7 +250,6 @@ def _press(
         dt: Time step [s].
         surface: Of the cylinder.
         points: The nodes.
-        net: Net forces [N], shape (3, nodes), added to for what lies below.
         k: Constants.
 
     Returns:
@@ -233,7 +257,8 @@ def _press(
     """
     x, v, below = points.position, points.velocity, points.below
     torque = 0.0
-    below[PUSHES:, begin:end] = 0.0
+    lower_line = k.chords - k.line
+    _note_rates(begin, end, dt, surface.turned, points)
     for i in range(begin, end):
         if points.touching[i] == 0:
             points.contact_radius[i] = surface.landing
@@ -241,7 +266,7 @@ def _press(
             continue
         # A node's radius is larger by what makes up for chords, and for the depth of the springs:
         # in a valley that is twice as large as on the cylinder.
-        radius, rising, turns = _rates(i, dt, surface.turned, points)
+        radius = below[RATES, i]
         lower = (2.0 * points.contact_radius[i] - k.chords - k.line) * k.line / radius
         deeper = 1.0 + lower / radius
         for first in range(0, GONE, BELOW_ROWS):
@@ -249,33 +274,35 @@ def _press(
             rise, slope, apart = below[first + 2, i], below[first + 3, i], below[first + 4, i]
             if apart == 0.0:
                 break
+            below[first + 7, i] = 0.0
             per_radian = at * at + rise * rise + slope * slope
             j, share = int(below[first + 5, i]), below[first + 6, i]
-            gone, rate, sinking, speed, going = below[GONE, i], 0.0, 0.0, 0.0, 0.0
+            gone, rest = below[GONE, i], 1.0 - share
             if j >= 0:
-                at, there = 0.0, 0.0
-                for e, part in ((j, 1.0 - share), (j + 1, share)):
-                    r, up, turning = _rates(e, dt, surface.turned, points)
-                    chords = (k.chords - k.line) * k.line / r
-                    at += part * (r - chords)
-                    there += part * x[2, e]
-                    gone -= part * below[GONE, e]
-                    sinking += part * up
-                    rate += part * up * (1.0 + chords / r)
-                    speed += part * v[2, e]
-                    going += part * turning
+                at = rest * _centre(j, k, below) + share * _centre(j + 1, k, below)
+                there = rest * x[2, j] + share * x[2, j + 1]
+                gone -= rest * below[GONE, j] + share * below[GONE, j + 1]
             a = radius - lower - at - rise * gone
             b = x[2, i] - there - slope * gone
-            along = (a * rise + b * slope) / per_radian
-            square = a * a + b * b - along * (a * rise + b * slope)
-            below[first + 7, i] = 0.0
-            if square >= apart * apart:
+            along = a * rise + b * slope
+            square = a * a + b * b
+            if (square - apart * apart) * per_radian >= along * along:
                 continue
-            far = math.sqrt(square)
+            along /= per_radian
+            far = math.sqrt(square - along * along * per_radian)
             a, b = (a - along * rise) / far, (b - along * slope) / far
             c = a * rise + b * slope
+            rate, sinking, speed, going = 0.0, 0.0, 0.0, 0.0
+            if j >= 0:
+                for e, part in ((j, rest), (j + 1, share)):
+                    r, up = below[RATES, e], part * below[RATES + 1, e]
+                    sinking += up
+                    rate += up * (1.0 + lower_line * k.line / (r * r))
+                    speed += part * v[2, e]
+                    going += part * below[RATES + 2, e]
             elastic = k.beside_stiffness * (apart - far)
-            parting = a * (deeper * rising - rate) + b * (v[2, i] - speed) + c * (turns - going)
+            parting = a * (deeper * below[RATES + 1, i] - rate) + b * (v[2, i] - speed)
+            parting += c * (below[RATES + 2, i] - going)
             push = max(elastic - k.beside_damping * parting, 0.0)
             damped = push - elastic
             below[first + 7, i] = push
@@ -293,52 +320,23 @@ def _press(
             below[PUSHES + 8, i] += push * sinking
             below[PUSHES + 9, i] += push * speed
             below[PUSHES + 10, i] += push * going
-            for e, part in ((j, 1.0 - share), (j + 1, share)):
-                r = math.sqrt(x[0, e] * x[0, e] + x[1, e] * x[1, e])
-                up = part * a * (1.0 + (k.chords - k.line) * k.line / (r * r))
-                _add(e, -push * up, -push * part * b, -push * part * c / r, points, net)
+            for e, part in ((j, rest), (j + 1, share)):
+                r = below[RATES, e]
+                up, around = part * a * (1.0 + lower_line * k.line / (r * r)), part * c / r
+                below[LOADS, e] -= push * up
+                below[LOADS + 1, e] -= push * part * b
+                below[LOADS + 2, e] -= push * around
                 below[PUSHES + 5, e] -= damped * up
                 below[PUSHES + 6, e] -= damped * part * b
-                below[PUSHES + 7, e] -= damped * part * c / r
+                below[PUSHES + 7, e] -= damped * around
     return torque
 
 
 @called
-def _add(i: int, up: float, along: float, around: float, points: Points, net: FloatArray) -> None:
-    """Add a force [N] along radius, axis and circumference to the net force of a node."""
-    px, py = points.position[0, i], points.position[1, i]
-    inverse = 1.0 / math.sqrt(px * px + py * py)
-    net[0, i] += (up * px - around * py) * inverse
-    net[1, i] += (up * py + around * px) * inverse
-    net[2, i] += along
-
-
-@called
-def _rub(i: int, torque: float, up: float, along: float, points: Points, net: FloatArray) -> float:
-    """Rub the moving cable below a node as that rubs the node; return the torque on it [N m].
-
-    Args:
-        i: Number of the node.
-        torque: Of friction on the node, for each newton of push [m].
-        up: Radial part of friction, for each newton of push.
-        along: Axial part, for each newton of push.
-        points: The nodes.
-        net: Net forces [N], shape (3, nodes), added to for what lies below.
-    """
-    x, below = points.position, points.below
-    total = 0.0
-    for first in range(0, GONE, BELOW_ROWS):
-        if below[first + 4, i] == 0.0:
-            break
-        j, share, push = int(below[first + 5, i]), below[first + 6, i], below[first + 7, i]
-        if j < 0 or push == 0.0:
-            continue
-        total += push
-        for e, part in ((j, 1.0 - share), (j + 1, share)):
-            r = math.sqrt(x[0, e] * x[0, e] + x[1, e] * x[1, e])
-            less = -push * part
-            _add(e, less * up, less * along, less * torque / r, points, net)
-    return torque * total
+def _centre(i: int, k: ContactLaw, below: FloatArray) -> float:
+    """Return the radius of the centre line at a node, which chords join [m]."""
+    radius: float = below[RATES, i]
+    return radius - (k.chords - k.line) * k.line / radius
 
 
 @called
@@ -351,11 +349,9 @@ def _bounced(
     taken = 0.0
     for i in range(begin, end):
         up, along, around = below[PUSHES + 5, i], below[PUSHES + 6, i], below[PUSHES + 7, i]
-        if up == 0.0 and along == 0.0 and around == 0.0:
-            continue
         gained = 0.5 * dt / mass[i]
         vx, vy = v[0, i] + gained * net[0, i], v[1, i] + gained * net[1, i]
-        radius = math.sqrt(x[0, i] * x[0, i] + x[1, i] * x[1, i])
+        radius = below[RATES, i]
         taken -= up * (vx * x[0, i] + vy * x[1, i]) / radius
         taken -= along * (v[2, i] + gained * net[2, i])
         taken -= around * ((vy * x[0, i] - vx * x[1, i]) / radius - turning * radius / dt)
@@ -363,8 +359,8 @@ def _bounced(
 
 
 @called
-def go_along(begin: int, end: int, dt: float, turned: float, points: Points) -> float:
-    """Add up how far nodes go over the cable below; return the farthest since the look [rad].
+def go_along(begin: int, end: int, dt: float, turned: float, points: Points, most: float) -> int:
+    """Add up how far nodes go over the cable below; return how many have gone too far.
 
     Args:
         begin: First node.
@@ -372,15 +368,17 @@ def go_along(begin: int, end: int, dt: float, turned: float, points: Points) -> 
         dt: Time step [s], over.
         turned: Rotation of the cylinder in it [rad].
         points: The nodes.
+        most: How far they may go since the look [rad].
     """
     x, v, below = points.position, points.velocity, points.below
-    chord, farthest = math.sin(turned), 0.0
+    chord, beyond = math.sin(turned), 0
+    # A count, unlike a maximum, lets the loop take several nodes at once.
     for i in range(begin, end):
         square = x[0, i] * x[0, i] + x[1, i] * x[1, i]
-        below[GONE, i] -= dt * (v[1, i] * x[0, i] - v[0, i] * x[1, i]) / square - chord
-        if below[4, i] > 0.0:
-            farthest = max(farthest, abs(below[GONE, i]))
-    return farthest
+        gone = below[GONE, i] - dt * (v[1, i] * x[0, i] - v[0, i] * x[1, i]) / square + chord
+        below[GONE, i] = gone
+        beyond += (below[4, i] > 0.0) & (abs(gone) > most)
+    return beyond
 
 
 @called

@@ -48,10 +48,14 @@ BELOW_ROWS, MOST_BELOW = 8, 4
 # Then the wound angle that the node has gone since the look [rad], and from the last step whether
 # it lies on one, the sum of their pushes and its parts along radius, axis and circumference [N],
 # those of all dashpots on the node [N], and the sums of pushes times the rates of what moves below:
-# of its radius and z [N m/s], and of its angle over the surface [N rad/s].
+# of its radius and z [N m/s], and of its angle over the surface [N rad/s]. Then the force of what
+# lies on the node, along radius, axis and circumference [N], and at last the node's own radius [m]
+# and the rates of that [m/s] and of its angle over the surface [rad/s].
 GONE = BELOW_ROWS * MOST_BELOW
 PUSHES = GONE + 1
-BELOW_HEIGHT = PUSHES + 11
+LOADS = PUSHES + 11
+RATES = LOADS + 3
+BELOW_HEIGHT = RATES + 3
 
 
 # Share of the cylinder's stiffness that cable and flanges have. Turns that the lag pushes against
@@ -236,10 +240,10 @@ def normal_forces(points: Points, touch: ContactLaw) -> FloatArray:
     )
 
 
-def contact_energy(points: Points, touch: ContactLaw, nodes: int | None = None) -> float:
-    """Return the energy [J] in the normal and stick springs of the first nodes, or of all."""
-    deep = (depths(points, touch)[:, :nodes] ** 2).sum(axis=1)
-    slip = points.slip[:, :nodes][:, points.touching[:nodes] == 1]
+def contact_energy(points: Points, touch: ContactLaw) -> float:
+    """Return the energy [J] in the normal and stick springs of all nodes."""
+    deep = (depths(points, touch) ** 2).sum(axis=1)
+    slip = points.slip[:, points.touching == 1]
     return 0.5 * (
         touch.normal_stiffness * float(deep[0])
         + touch.beside_stiffness * float(deep[1:].sum())
@@ -257,10 +261,12 @@ def depths(points: Points, touch: ContactLaw) -> FloatArray:
     """Return how deep nodes lie [m] in the cylinder, in cable below and in a flange, (k, nodes)."""
     radius = np.hypot(points.position[0], points.position[1])
     chords = (touch.chords - touch.line) * touch.line / np.maximum(radius, touch.line)
-    found = [points.contact_radius - radius]
-    found[0] *= points.touching == 1
-    for first in range(0, min(points.below.shape[0], GONE), BELOW_ROWS):
-        below, z, rise, slope, least, element, share = points.below[first : first + BELOW_ROWS - 1]
+    on_cylinder = np.where(points.touching == 1, points.contact_radius - radius, 0.0)
+    if not points.below.size:
+        on_cable = np.zeros((0, radius.size))
+    else:
+        rows = points.below[:GONE].reshape(MOST_BELOW, BELOW_ROWS, -1).swapaxes(0, 1)
+        below, z, rise, slope, least, element, share, _ = rows
         behind, moves = element.astype(np.int64), element >= 0.0
         at, there, gone = (
             np.where(moves, row[behind] + share * (row[behind + 1] - row[behind]), held)
@@ -275,8 +281,8 @@ def depths(points: Points, touch: ContactLaw) -> FloatArray:
         lower = above * touch.line / np.maximum(radius, touch.line)
         up, aside = radius - lower - at - rise * gone, points.position[2] - there - slope * gone
         along = (up * rise + aside * slope) ** 2 / (below**2 + rise**2 + slope**2 + (least == 0.0))
-        found.append(least - np.sqrt(np.maximum(up**2 + aside**2 - along, 0.0)))
-    touched = np.maximum(found, 0.0)
+        on_cable = least - np.sqrt(np.maximum(up**2 + aside**2 - along, 0.0))
+    touched = np.maximum([on_cylinder, *on_cable], 0.0)
     z = points.position[2]
     beside = np.where(radius < touch.rim, np.maximum(touch.low - z, z - touch.high), 0.0)
     return np.vstack([touched, np.maximum(beside, 0.0)])

@@ -21,6 +21,7 @@ from cable_fem_node.winding.validity import (
     FULL_TURN,
     Check,
     checks_of,
+    guide_check,
     motion_check,
     overlap_check,
     refuse,
@@ -154,6 +155,8 @@ class PlannedRun:
         if self.element == "rod":
             own = (*rod_checks(resolved), tension_check(resolved, self.drive))
         own = (*own, motion_check(resolved, self.drive))
+        if self.config.drum is not None:
+            own = (*own, guide_check(resolved, self.most_wound))
         if self.most_wound < FULL_TURN or self.config.drum is not None:
             return own
         solid = self.element == "solid"

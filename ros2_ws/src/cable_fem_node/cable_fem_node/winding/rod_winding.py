@@ -18,6 +18,7 @@ from cable_fem_node.dynamics.state import (
     DivergenceError,
     EnergyLedger,
     FloatArray,
+    ImpossibleResultError,
     Points,
     contact_energy,
     lying_energy,
@@ -46,6 +47,7 @@ from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
 from cable_fem_node.winding.wound_surface import AHEAD, TURN, WoundSurface, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.markers import Markers
+from winding_core.units import MILLIMETRE
 
 # Time between two looks [s]. Oscillations of the span decay within it.
 LOOK_PERIOD = 0.1
@@ -281,6 +283,8 @@ class RodWinding(WindingModel):
                     f"the span was pulled back to the cylinder before t = {t:.6g} s: "
                     "no element left"
                 )
+            if beside and nodes.touching[nodes.live - 2]:
+                raise ImpossibleResultError(self._reached(t))
             lying = self._lying() if end.status != RUNNING else 0.0
             before = part[ANGLE, 0]
             if end.status != RUNNING:
@@ -295,6 +299,16 @@ class RodWinding(WindingModel):
                 self._find_below(lying)
         if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
             self._look(t, float(drive[ANGLE, 1]))
+
+    def _reached(self, t: float) -> str:
+        """Return the sentence about cable that lies up to the guide before a time [s]."""
+        x, y, _ = self._nodes.position[:, -2:]
+        lies, stands = np.hypot(x, y) / MILLIMETRE
+        return (
+            f"the cable lies up to the guide before t = {t:.6g} s: {lies:.4g} mm from the axis, "
+            f"from which the guide stands {stands:.4g} mm away; take a longer span (free_length) "
+            "or fewer layers"
+        )
 
     def _lying(self) -> float:
         """Return the energy [J] in the springs between the integrated nodes and cable below."""

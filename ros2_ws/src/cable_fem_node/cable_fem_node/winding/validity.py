@@ -44,6 +44,8 @@ OVERLAP = "the cable's width over the least distance of two turns"
 _THICK, _SOFT = 1.0 / 3.0, 1.1
 # Parts of a turn at which the lay of a guide that turns back is followed.
 _PARTS = 180
+# Cable that crosses lies 1 / 0.866 times as high as in valleys, and cable may lie on cable.
+_CLOSE = 0.85
 # Of a plan that ends where it began [rad].
 _ROUNDING = 1.0e-9
 # More turns than this are not followed one by one.
@@ -324,6 +326,31 @@ def overlap_check(
         warned_from=1.0,
         refused_from=math.nextafter(1.0, 2.0) if steep or (solid and always) else math.inf,
         advice=f"{where}; {becomes}: take more feed, a shorter span or a thicker cylinder",
+    )
+
+
+def guide_check(resolved: ResolvedModel, angle: float) -> Check:
+    """Return whether the guide stands clear of layers between flanges, see `ContactLaw`.
+
+    Layers lie as low as they can, one in the valleys of the other, sqrt(3) / 2 diameters above it.
+
+    Args:
+        resolved: What is wound.
+        angle: Wound [rad].
+    """
+    touch = resolved.constants.touch
+    turns = (touch.high - touch.low) / touch.apart + 1.0
+    layers = max(1, math.ceil(angle / FULL_TURN / turns))
+    top = resolved.wound_radius + (math.sqrt(0.75) * (layers - 1) + 0.5) * touch.apart
+    guide = math.hypot(resolved.wound_radius, resolved.constants.free_length)
+    return Check(
+        name="the radius of the highest layer over the guide's distance from the axis",
+        value=top / guide,
+        warned_from=_CLOSE,
+        refused_from=1.0,
+        advice=f"{layers} layers of {turns:.3g} turns lie at least {top / MILLIMETRE:.4g} mm from "
+        f"the axis, from which the guide stands {guide / MILLIMETRE:.4g} mm away; take a longer "
+        "span (free_length), fewer layers or a wider drum",
     )
 
 

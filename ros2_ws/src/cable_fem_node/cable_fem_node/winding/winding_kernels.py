@@ -388,8 +388,8 @@ def advance_winding(
                 return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
         outside = int(abs(angle - drive[ANGLE, 0]) * k.contact_line > rod.way)
         if lies:
-            farthest = go_along(1, nodes - 1, dt, rotation, cable)
-            outside += int(farthest * k.contact_line > GONE_AT * k.touch.apart)
+            most = GONE_AT * k.touch.apart / k.contact_line
+            outside += go_along(1, nodes - 1, dt, rotation, cable, most)
         if room.shape[0] > 0:
             for i in range(1, nodes - 1):
                 low = x[0, i] * x[0, i] + x[1, i] * x[1, i] < room[0, i]
