@@ -48,7 +48,7 @@ class RunChecks:
         self.contradictions: tuple[Contradiction, ...] = ()
         self.correction: Correction | None = None
         # How many markers, turns and sightings were judged.
-        self._news, self._rows = (0, 0), 0
+        self._markers = self._turns = self._rows = 0
 
     def judge(
         self, log: SightingLog, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
@@ -58,10 +58,13 @@ class RunChecks:
         What is explained is made by `seen`.
         """
         laps, rows = log.laps, len(log.sightings)
-        news = len(laps), max(map(len, laps.values()), default=0)
-        if self._news == news and rows <= _MORE * self._rows:
+        turns = max(map(len, laps.values()), default=0)
+        passed = len(laps) != self._markers and log.quiet
+        if self._turns == turns and rows <= _MORE * self._rows and not passed:
             return False
-        self._news, self._rows = news, rows
+        if passed or rows > _MORE * self._rows or self._turns == 0:
+            self._markers = len(laps)
+        self._turns, self._rows = turns, rows
         light = _of_light(log, state.marks.area)
         if light is not None:
             self.contradictions = (light,)
@@ -69,6 +72,10 @@ class RunChecks:
         wrong, self.correction = explained(seen()) if rows >= LEAST_ROWS else ((), None)
         self.contradictions = _of_everything(wrong, log, setup, state)
         return True
+
+    def covers(self, log: SightingLog) -> bool:
+        """Return whether two markers or more were judged, and every one that was seen."""
+        return 1 < self._markers == len(log.laps) and self._rows >= LEAST_ROWS
 
 
 def _of_everything(

@@ -51,14 +51,14 @@ def band_pictures(
     thicker = Body(body.rho + STEP * r, r * (1.0 + STEP), body.half_band, body.half_around)
     longer = Body(body.rho, r, body.half_band * (1.0 + STEP), body.half_around)
     for k in range(bands.shape[0]):
-        band = band_of(bands[k])
+        band = _creased(body, band_of(bands[k]))
         a, b, _area = band_centroid(view, body, band)
         out[k, 0, 0], out[k, 0, 1] = a, b
         _by_camera(view, body, band, a, b, out[k])
         further = moved_band(band, band.azimuth + STEP, band.z)
         _by_difference(band_centroid(view, body, further), out[k], AZIMUTH)
         _by_difference(band_centroid(view, wider, band), out[k], CYLINDER)
-        _by_difference(band_centroid(view, thicker, band), out[k], CABLE)
+        _by_difference(band_centroid(view, thicker, _creased(thicker, band)), out[k], CABLE)
         _by_difference(band_centroid(view, longer, band), out[k], BAND_WIDTH)
     return out
 
@@ -77,10 +77,24 @@ def seen_again(
         band = band_of(bands[k])
         a, b, _area = band_centroid(view, body, band)
         a, b = a * view.fx / other.fx, b * view.fy / other.fy
-        azimuth, z = solve_band(other, painted, a, b, band)
+        azimuth, z = solve_band(other, painted, a, b, _creased(painted, band))
         if math.isfinite(azimuth) and math.isfinite(z):
             out[k, 0], out[k, 1] = azimuth, z
     return out
+
+
+@called
+def _creased(body: Body, band: Band) -> Band:  # pragma: no cover
+    """Return a band as turns beside it cut it off where the cable is as thick as a body's.
+
+    What it was measured with may be thinner: an edge that comes and goes with it would be a jump.
+    """
+    low, high, diameter = band.low, band.high, 2.0 * body.cable_radius
+    if band.below < diameter:
+        low = max(low, -math.asin(band.below / diameter))
+    if band.above < diameter:
+        high = min(high, math.asin(band.above / diameter))
+    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
 
 
 @called

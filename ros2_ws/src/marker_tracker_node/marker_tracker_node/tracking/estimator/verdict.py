@@ -45,11 +45,14 @@ class Explanation(NamedTuple):
 
     @property
     def left(self) -> bool:
-        """Whether the error exceeds what is doubted of the number, and is no bound."""
-        known = NUMBERS[self.number]
-        return abs(self.error) > _SIGNIFICANT * math.hypot(known.doubt, self.sigma) and (
-            abs(self.error) < known.most
-        )
+        """Whether the error exceeds what is doubted of the number."""
+        doubt = math.hypot(NUMBERS[self.number].doubt, self.sigma)
+        return abs(self.error) > _SIGNIFICANT * doubt
+
+    @property
+    def inside(self) -> bool:
+        """Whether the error is no bound."""
+        return abs(self.error) < NUMBERS[self.number].most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,9 +155,11 @@ def _within_doubt(
         beside = [k for k in found if k != number]
         costs = {k: cost([*beside, k]) for k in range(COUNT) if k not in beside}
         order = sorted((k for k in costs if costs[k] < left + AS_WELL), key=lambda k: costs[k])
-        # Wound angles are counted from P0 itself, and the clock is judged by its own offset.
-        if not set(order) <= {ZERO, CLOCK}:
-            sizes = {k: float(errors([*beside, k])[k]) for k in order}
+        sizes = {k: float(errors([*beside, k])[k]) for k in order}
+        # Wound angles are counted from P0 itself, and the clock is judged by its own offset; half
+        # of what is doubted of a number is what it usually is off by.
+        usual = all(abs(sizes[k]) < 0.5 * NUMBERS[k].doubt for k in order)
+        if not (usual or set(order) <= {ZERO, CLOCK}):
             spread = {k: float(data[k, k]) ** -0.5 for k in order}
             groups.append(
                 tuple(Explanation(k, sizes[k], spread[k], fit, doubted=True) for k in order)
@@ -201,4 +206,6 @@ def _explanations(problem: Problem, usual: Fit, least: float) -> tuple[Explanati
     if not found or usual.cost - found[0].fit.cost < least:
         return ()
     most = max(AS_WELL, _LEAST_SHARE * (usual.cost - found[0].fit.cost))
-    return tuple(one for one in found if one.left and one.fit.cost < found[0].fit.cost + most)
+    close = [one for one in found if one.fit.cost < found[0].fit.cost + most and one.inside]
+    # What explains as well is named beside a number that is beyond its doubt, whatever its own.
+    return tuple(close) if any(one.left for one in close) else ()

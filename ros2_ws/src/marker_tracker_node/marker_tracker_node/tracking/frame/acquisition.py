@@ -258,6 +258,9 @@ def confirm_candidates(
         marks.weight[number] = 1.0
         marks.var_theta[number] = 0.0
         marks.var_height[number] = 0.0
+        # Corrected numbers are doubted there as much as anywhere.
+        marks.doubt_theta[number] = marks.doubt_theta.max()
+        marks.doubt_height[number] = marks.doubt_height.max()
         candidates.hits[c] = 0
     return shift
 
