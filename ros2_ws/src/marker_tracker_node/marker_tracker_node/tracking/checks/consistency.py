@@ -205,5 +205,5 @@ def _of_guide(setup: Setup, state: TrackerState) -> Contradiction | None:
             f"the cable is led, or {1.0 / (1.0 + sizes['guide_scale']):.2f} times as large"
         ),
         alternatives=(second,) if left[second] < left[first] + AS_WELL else (),
-        doubted=True,
+        doubted=1.0 / USUAL_SCALE <= 1.0 + sizes["guide_scale"] <= USUAL_SCALE,
     )

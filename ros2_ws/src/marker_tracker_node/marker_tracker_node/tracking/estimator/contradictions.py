@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from marker_tracker_node.tracking.estimator.correction import Correction, correction
 from marker_tracker_node.tracking.estimator.mask_bias import IN_ANY_LIGHT
@@ -18,7 +18,7 @@ class Contradiction:
 
     Attributes:
         share: By how much it is set too large, relative; nan where that is not known.
-        doubted: Whether the error is within what is doubted of the number, and corrected.
+        doubted: Whether the error is within what is doubted of the number: then it is corrected.
     """
 
     number: str  # Its name: one of `numbers`, marker_spacing, marker_colour or light
@@ -43,10 +43,8 @@ def explained(seen: Seen) -> tuple[tuple[Contradiction, ...], Correction | None]
         return (), None
     problem = Problem(seen, IN_ANY_LIGHT)
     verdict = judged(problem)
-    change = correction(problem, verdict, made=bool(seen.without.any()))
-    corrected = change is not None and change.carried
-    found = [_contradiction(group, verdict.explained) for group in verdict.wrong]
-    return tuple(replace(one, doubted=one.doubted and corrected) for one in found), change
+    found = tuple(_contradiction(group, verdict.explained) for group in verdict.wrong)
+    return found, correction(problem, verdict, made=bool(seen.without.any()))
 
 
 def _contradiction(group: tuple[Explanation, ...], explained: bool) -> Contradiction:
