@@ -162,7 +162,8 @@ def _of_spacing(gaps: FloatArray, known: tuple[int, ...]) -> Contradiction | Non
             ),
         )
     ratio = float(np.median(gaps)) if gaps.size else 1.0
-    if abs(math.log(ratio)) < SURE * _GAP_SIGMA:
+    uneven = np.abs(np.log(gaps / ratio)).max(initial=0.0) > SURE * _GAP_SIGMA
+    if abs(math.log(ratio)) < SURE * _GAP_SIGMA and not uneven:
         return None
     return Contradiction(
         number="marker_spacing",
@@ -170,9 +171,11 @@ def _of_spacing(gaps: FloatArray, known: tuple[int, ...]) -> Contradiction | Non
         sentence=(
             f"the marker spacing is set too {'small' if ratio > 1.0 else 'large'}: bands lie "
             f"{ratio:.2f} times as far apart as it and the cable's stretch give"
+            + ", and not evenly: was one missed?"
+            * uneven
         ),
         # No modulus is set more wrongly.
-        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE,
+        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE and not uneven,
     )
 
 
