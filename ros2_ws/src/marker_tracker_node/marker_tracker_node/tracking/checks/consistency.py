@@ -162,7 +162,7 @@ def _of_spacing(gaps: FloatArray, known: tuple[int, ...]) -> Contradiction | Non
             ),
         )
     ratio = float(np.median(gaps)) if gaps.size else 1.0
-    uneven = np.abs(np.log(gaps / ratio)).max(initial=0.0) > SURE * _GAP_SIGMA
+    uneven = float(np.abs(np.log(gaps / ratio)).max(initial=0.0)) > SURE * _GAP_SIGMA
     if abs(math.log(ratio)) < SURE * _GAP_SIGMA and not uneven:
         return None
     return Contradiction(
