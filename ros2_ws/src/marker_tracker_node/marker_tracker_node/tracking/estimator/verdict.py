@@ -23,8 +23,9 @@ _SIGNIFICANT = 2.5
 DEPENDENT = 2.5
 # What costs no more than this beyond the best explanation is one, too.
 AS_WELL = 14.0
-# Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
-EXPLAINED = 6.5
+# Two coordinates of an explained sighting leave a square of 3.2 in four of five, and bands of eight
+# pixels, whose masks err more, up to 6.6: so much is not.
+EXPLAINED = SURE**2
 # What gains less than this share of the best is not tried, and not named beside it: a large error
 # leaves bends that a small turn of the camera takes up. For those bends what lacks no more than
 # this share of the best gain explains as well, too: up to 0.12 in films of thick cable.
@@ -100,7 +101,7 @@ def judged(problem: Problem) -> Verdict:
     verdict = Verdict(wrong=wrong, fits=(usual, *_released(problem, wrong)))
     if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
-        return Verdict(wrong=(far,) if far else (), fits=(usual,), explained=False)
+        return Verdict(wrong=(far,), fits=(usual,), explained=False)
     return verdict
 
 
@@ -170,10 +171,11 @@ def _within_doubt(
 def _furthest(usual: Fit) -> tuple[Explanation, ...]:
     """Return the numbers that a fit takes far from what was configured, the furthest first."""
     away = [(abs(float(usual.x[k])) / NUMBERS[k].doubt, k) for k in range(COUNT)]
+    away.sort(reverse=True)
     return tuple(
         Explanation(k, float(usual.x[k]), math.nan, usual)
-        for size, k in sorted(away, reverse=True)
-        if size > SURE
+        for size, k in away
+        if size >= min(SURE, away[0][0])
     )
 
 
