@@ -168,10 +168,11 @@ class Recalibration:
 def _with_unseen(found: Correction, turned: Correction) -> Correction:
     """Return a correction with known markers that it has no sightings of, as the camera has them.
 
-    They are doubted as much as any other one.
+    They are doubted as much as any other one, and more if they are wound further from P0.
     """
     unseen = ~np.isin(turned.markers, [*found.markers, *found.unexplained])
-    doubt = np.repeat(found.doubt.max(axis=1, keepdims=True), unseen.sum(), axis=1)
+    further = np.maximum(turned.theta[unseen] / max(found.theta.max(), 1.0), 1.0)
+    doubt = found.doubt.max(axis=1, keepdims=True) * further**2
     return replace(
         found,
         markers=np.append(found.markers, turned.markers[unseen]),

@@ -12,7 +12,7 @@ import numpy as np
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.carried import data_information
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE, Fit, fitted
-from marker_tracker_node.tracking.estimator.numbers import CLOCK, COUNT, NUMBERS, ZERO
+from marker_tracker_node.tracking.estimator.numbers import BAND, CLOCK, COUNT, NUMBERS, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem
 
 # Releasing a prior must explain so much: in 101 consistent films it explained 9.3 at most.
@@ -162,8 +162,10 @@ def _within_doubt(
         usual = all(abs(sizes[k]) < 0.5 * NUMBERS[k].doubt for k in order)
         if not (usual or set(order) <= {ZERO, CLOCK}):
             spread = {k: float(data[k, k]) ** -0.5 for k in order}
+            # Bands so much smaller or larger than they should be are measured in part.
+            doubted = order[0] != BAND
             groups.append(
-                tuple(Explanation(k, sizes[k], spread[k], fit, doubted=True) for k in order)
+                tuple(Explanation(k, sizes[k], spread[k], fit, doubted=doubted) for k in order)
             )
     return tuple(groups)
 
