@@ -19,10 +19,9 @@ Sigmas = tuple[float, float] | tuple[tuple[float, float], ...]
 COMMON = ((0.1, 0.05), (0.06, 0.12), (0.06, 0.06))
 # Where light and focus are anything: with highlights of up to 0.4 of the light's colour, a blur of
 # up to 1.5 px and mosaics, in 60 scenes, 0.06 and 0.06, 0.06 and 0.32, 0.12 and 0.19 at the true
-# numbers. Of the last ones across 0.25 and -0.13 is the mean, which is the band model's own. Taken
-# alike they name no fewer numbers in 139 films, and so do those of one marker.
-IN_ANY_LIGHT = (0.12, 0.15)
-OF_MARKER = (0.05, 0.03)
+# numbers. Of the last ones across 0.25 and -0.13 is the mean, which is the band model's own.
+IN_ANY_LIGHT = ((0.1, 0.1), (0.06, 0.2), (0.2, 0.15))
+OF_MARKER = ((0.02, 0.02), (0.08, 0.03), (0.02, 0.03))
 OF_CUT = (0.2, 0.1)
 # A turn whose axis is nearer than this may hide or cut off a part, in radii of the cable: where it
 # lies is believed to some tenths of a radius.
