@@ -175,9 +175,8 @@ class RunStart:
         off = math.remainder(band.offset + self.origin, math.tau)
         height, explains = 0.0, 0.0
         if P0_REACH <= abs(off) <= 0.5 * math.pi:
-            if band.arc < 3.0 * PROOF_ADVANCE:
-                # So much of its way tells a wrong zero from a wrong height; the live window shows
-                # no more of it on a thick cylinder.
+            if band.arc < 2.0 * PROOF_ADVANCE:
+                # More of its way tells a wrong zero from a wrong height.
                 self._followed = self.proven = False
                 return False
             height, explains = band.height(setup, self.origin)
