@@ -47,24 +47,27 @@ class RunChecks:
     def __init__(self) -> None:
         self.contradictions: tuple[Contradiction, ...] = ()
         self.correction: Correction | None = None
-        # How many markers, turns and sightings were judged.
-        self._markers = self._turns = self._rows = 0
+        # How many markers and turns, and sightings, were judged; and markers after a pass.
+        self._news, self._rows, self._markers = (0, 0), 0, 0
 
     def judge(
         self, log: SightingLog, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
     ) -> bool:
-        """Judge anew with every marker, turn and a fifth more sightings; return whether it is done.
+        """Judge anew with every marker, turn and a fifth more sightings, and a marker's first pass.
 
-        What is explained is made by `seen`.
+        What is explained is made by `seen`. Return whether it is done.
         """
         laps, rows = log.laps, len(log.sightings)
-        turns = max(map(len, laps.values()), default=0)
+        news = len(laps), max(map(len, laps.values()), default=0)
         passed = len(laps) != self._markers and log.quiet
-        if self._turns == turns and rows <= _MORE * self._rows and not passed:
-            return False
-        if passed or rows > _MORE * self._rows or self._turns == 0:
+        more = rows > _MORE * self._rows
+        if passed or more:
             self._markers = len(laps)
-        self._turns, self._rows = turns, rows
+        # A marker that comes while numbers are corrected is doubted as that leaves it.
+        corrected = self.correction is not None and self.correction.carried
+        if self._news == news and not more and (corrected or not passed):
+            return False
+        self._news, self._rows = news, rows
         light = _of_light(log, state.marks.area)
         if light is not None:
             self.contradictions = (light,)

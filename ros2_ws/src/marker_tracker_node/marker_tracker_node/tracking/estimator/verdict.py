@@ -73,7 +73,7 @@ class Verdict:
     def released(self) -> tuple[Explanation, ...]:
         """Numbers beyond their doubt that explain the sightings best; empty for none."""
         beyond = [group for group in self.wrong if not group[0].doubted]
-        return beyond[-1] if beyond else ()
+        return tuple(one for one in beyond[-1] if one.left) if beyond else ()
 
     @property
     def best(self) -> Fit:
@@ -110,6 +110,8 @@ def _released(problem: Problem, wrong: tuple[tuple[Explanation, ...], ...]) -> I
     best = [group[0].number for group in wrong]
     for place, group in enumerate(wrong):
         for one in group:
+            if not (one.left or one.doubted):
+                continue
             chosen = [*best[:place], one.number, *best[place + 1 :]]
             prior = problem.prior.copy()
             prior[chosen] = [NUMBERS[number].most ** -2 for number in chosen]
@@ -211,5 +213,6 @@ def _explanations(problem: Problem, usual: Fit, least: float) -> tuple[Explanati
         return ()
     most = max(AS_WELL, _LEAST_SHARE * (usual.cost - found[0].fit.cost))
     close = [one for one in found if one.fit.cost < found[0].fit.cost + most and one.inside]
-    # What explains as well is named beside a number that is beyond its doubt, whatever its own.
-    return tuple(close) if any(one.left for one in close) else ()
+    # What explains as well is named behind a number that is beyond its doubt, whatever its own.
+    close.sort(key=lambda one: not one.left)
+    return tuple(close) if close and close[0].left else ()
