@@ -8,9 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import correction
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
+from marker_tracker_node.tracking.estimator.pictures import band_pictures
 from marker_tracker_node.tracking.estimator.problem import LAP, MARKER, Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import judged
 from winding_core.machine.drive import DriveProfile
@@ -41,6 +43,33 @@ def test_derivatives_are_those_of_the_model() -> None:
         # two frames of a ramp is known to half a step of 50 ms, 0.04 of 1.74 rad/s.
         scale = np.abs(slope).max()
         np.testing.assert_allclose(slopes[:, :, k], slope, atol=0.04 * scale + 1.0e-9)
+
+
+def with_radius(body: Body, r: float) -> Body:
+    return body._replace(rho=body.rho - body.cable_radius + r, cable_radius=r)
+
+
+def test_a_band_that_was_cut_off_for_a_thicker_cable_is_whole_with_its_own() -> None:
+    view, body = RAMPED.pinhole().view(RAMPED.config().pose), RAMPED.config().body
+    r = body.cable_radius
+    thick, touching = with_radius(body, 1.08 * r), 2.0 * r
+    # Turns that touch overlap if they are configured thicker, and the gate ends where they meet.
+    band = Band(0.3, 0.02, 1.0e-3, low=-math.asin(touching / (2.16 * r)), below=touching)
+    seen = band_pictures(view, thick, body, np.array([band]))[0, 0]
+    whole = band_centroid(view, body, band._replace(low=-math.pi))[:2]
+    np.testing.assert_allclose(seen, whole, atol=1.0e-12)
+
+
+def test_turns_that_come_to_touch_as_the_cable_grows_move_no_band_by_a_jump() -> None:
+    view, body = RAMPED.pinhole().view(RAMPED.config().pose), RAMPED.config().body
+    r = body.cable_radius
+    bands = np.array([Band(0.3, z, 1.0e-3, below=2.0 * r, above=2.0 * r) for z in (0.0, 0.09)])
+    radii = r * np.linspace(0.97, 1.03, 61)
+    pictures = [band_pictures(view, body, with_radius(body, one), bands)[:, 0] for one in radii]
+    steps = np.abs(np.diff(pictures, axis=0))
+    # A cut begins as the root of what overlaps: a thousandth of the radius cuts 0.04 rad off, which
+    # is a thousandth of the radius in the picture, seen from twenty of the distance.
+    assert steps.max() < 2.0 * 1.0e-3 * r / view.x
 
 
 @pytest.mark.parametrize(

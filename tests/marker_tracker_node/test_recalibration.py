@@ -165,10 +165,36 @@ def test_a_known_marker_without_sightings_is_corrected_with_the_others() -> None
     assert run.far < 5.0  # required
 
 
+@pytest.mark.parametrize(
+    ("seed", "number", "size"),
+    [(4102, "frame_times", -0.06), (4102, "encoder_scale", -0.06), (6002, "camera_roll", 0.01)],
+)
+def test_health_claims_nothing_of_markers_that_were_not_judged(
+    seed: int, number: str, size: float
+) -> None:
+    world = World.drawn(seed)
+    run = outcome(world, world.frames(seed), seed, WrongNumber(number=number, size=size))
+    assert run.right
+    assert run.strayed < 5.0  # required
+
+
+@pytest.mark.parametrize(
+    ("seed", "number", "size"),
+    [(4106, "camera_height", 0.02), (6004, "camera_tilt_y", -0.02)],
+)
+def test_a_camera_that_looks_elsewhere_is_no_zero_of_the_encoder(
+    seed: int, number: str, size: float
+) -> None:
+    world = World.drawn(seed)
+    run = outcome(world, world.frames(seed), seed, WrongNumber(number=number, size=size))
+    assert run.right
+    assert run.known == 0
+
+
 def test_a_p0_that_is_never_found_is_reported() -> None:
-    # Joined as it turns, with the lay 9 mm off: the second turn fits P0 better.
-    wrong = WrongNumber(number="guide_offset", size=-0.009)
-    world = replace(World.drawn(1104), landing=wrong.landing())
+    # It passes four times as far from its place as it is sought.
+    wrong = WrongNumber(number="camera_along", size=0.02)
+    world = World.drawn(1104)
     run = outcome(world, world.frames(1104), 1104, wrong)
     assert run.known == 0
     assert not run.healthy

@@ -26,7 +26,7 @@ def warm_up(config: TrackerConfig, *, lay: bool) -> None:
     setup = config.setup(camera.view(config.pose))
     solve_band(setup.camera, setup.body, 0.0, 0.0, Band(0.5, 0.0, 0.0))
     predict_gate(setup, Band(0.0, 0.0, 0.0), empty_gates(1), 0)
-    band_pictures(setup.camera, setup.body, np.zeros((1, 7)))
+    band_pictures(setup.camera, setup.body, setup.body, np.zeros((1, 7)))
     seen_again(setup.camera, setup.body, setup.camera, setup.body, np.zeros((1, 7)))
     if lay:
         # Wherever the real one stands, this one looks at the contact line.

@@ -166,6 +166,11 @@ class MovingBand:
         # Markers, which are expected, need one sighting less; few frames a turn show fewer.
         return self.sightings > PROOF_HITS and moved >= PROOF_ADVANCE
 
+    @property
+    def arc(self) -> float:
+        """Over how much of the last turn it was seen [rad]."""
+        return float(np.ptp([angle for angle, _, _ in self.path]))
+
     def height(self, setup: Setup, origin: float) -> tuple[float, float]:
         """Return which height of the camera explains its place [m], and how much better.
 

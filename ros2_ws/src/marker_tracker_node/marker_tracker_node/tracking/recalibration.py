@@ -12,7 +12,16 @@ from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.pictures import seen_again
-from marker_tracker_node.tracking.estimator.problem import ANGLE, AZIMUTH, LAP, MARKER, TIME, Z
+from marker_tracker_node.tracking.estimator.problem import (
+    ANGLE,
+    AZIMUTH,
+    HIGH,
+    LAP,
+    LOW,
+    MARKER,
+    TIME,
+    Z,
+)
 from marker_tracker_node.tracking.frame.run_means import STEP
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import PATH_STEP, Burst, Marks, Rows, Setup, TrackerState
@@ -32,7 +41,7 @@ def turned(marks: Marks, errors: FloatArray, setups: tuple[Setup, Setup]) -> Cor
     known = np.flatnonzero(marks.known)
     bands = np.tile([0.0, 0.0, 0.0, -math.pi, math.pi, math.inf, math.inf], (known.size, 1))
     bands[:, 1] = marks.height[known]
-    azimuth, z = _seen(bands, *setups).T
+    azimuth, z, _, _ = _seen(bands, *setups).T
     return Correction(
         carried=False,
         posed=True,
@@ -111,7 +120,7 @@ class Recalibration:
         Rows of SEEN, shape (k,), were measured with the setup.
         """
         bands = bands_of(rows)
-        return bands[:, :2] if self.begun is None else _seen(bands, setup, self.begun)
+        return bands[:, :2] if self.begun is None else _seen(bands, setup, self.begun)[:, :2]
 
     def make(
         self,
@@ -134,7 +143,9 @@ class Recalibration:
         scale = float(factors[SCALE] * factors[TIMES])
         for burst in memory:
             rows = burst.rows.ravel()
-            rows["azimuth"], rows["seen_height"] = _seen(bands_of(rows), *setups).T
+            names = ["azimuth", "seen_height", "low", "high"]
+            for name, again in zip(names, _seen(bands_of(rows), *setups).T, strict=True):
+                rows[name] = again
             burst.angle[:] *= scale
         self.errors, self.made, self.posed = found.errors, found.carried, found.posed
         log.forget(found.unexplained)
@@ -157,10 +168,11 @@ class Recalibration:
 def _with_unseen(found: Correction, turned: Correction) -> Correction:
     """Return a correction with known markers that it has no sightings of, as the camera has them.
 
-    They are doubted as much as any other one.
+    They are doubted as much as any other one, and more if they are wound further from P0.
     """
     unseen = ~np.isin(turned.markers, [*found.markers, *found.unexplained])
-    doubt = np.repeat(found.doubt.max(axis=1, keepdims=True), unseen.sum(), axis=1)
+    further = np.maximum(turned.theta[unseen] / max(found.theta.max(), 1.0), 1.0)
+    doubt = found.doubt.max(axis=1, keepdims=True) * further**2
     return replace(
         found,
         markers=np.append(found.markers, turned.markers[unseen]),
@@ -186,13 +198,13 @@ def bands_of(rows: Rows) -> FloatArray:
 
 
 def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
-    """Write azimuth and z of `Seen.rows` as a new setup has them; return what P0's gain [rad]."""
+    """Write bands of `Seen.rows` as a new setup has them; return what P0's azimuths gain [rad]."""
     bands = sightings[:, AZIMUTH:].copy()
     bands[:, 0] += math.tau * sightings[:, LAP]
     again = _seen(bands, old, new)
     grown = again[:, 0] - bands[:, 0]
     sightings[:, AZIMUTH] += grown
-    sightings[:, Z] = again[:, 1]
+    sightings[:, [Z, LOW, HIGH]] = again[:, 1:]
     return float(grown[sightings[:, MARKER] == 0].mean())
 
 

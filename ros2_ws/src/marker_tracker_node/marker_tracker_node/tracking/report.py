@@ -47,6 +47,7 @@ class TrackerReport:
     missing: tuple[int, ...] = ()  # Numbers of the markers that should have been found long ago
     guide_doubt: str = ""  # What is wrong with the guide's readings; empty if nothing
     clock_doubt: str = ""  # What is wrong with the camera's clock; empty if nothing
+    judged: bool = True  # Whether the sightings of two markers have been explained
 
     @property
     def doubts(self) -> tuple[str, ...]:
@@ -68,4 +69,5 @@ class TrackerReport:
         """Whether nothing is wrong at the moment."""
         wrong = [item for item in self.contradictions if not item.doubted]
         against = (self.colour_refusal, self.clock_doubt, wrong, self.doubts)
-        return not any(against) and self.known > 0
+        # Nothing rests on what is configured while P0 alone is known.
+        return not any(against) and self.known > 0 and (self.judged or self.known == 1)

@@ -175,6 +175,10 @@ class RunStart:
         off = math.remainder(band.offset + self.origin, math.tau)
         height, explains = 0.0, 0.0
         if P0_REACH <= abs(off) <= 0.5 * math.pi:
+            if band.arc < 2.0 * PROOF_ADVANCE:
+                # More of its way tells a wrong zero from a wrong height.
+                self._followed = self.proven = False
+                return False
             height, explains = band.height(setup, self.origin)
         wrong = f"the camera's height is wrong by {height / MILLIMETRE:+.0f} mm"
         if explains > 1.0:

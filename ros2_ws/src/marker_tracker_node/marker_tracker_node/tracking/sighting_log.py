@@ -10,7 +10,8 @@ import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
 from marker_tracker_node.tracking.encoder_history import INTERPOLATED, KEPT
-from marker_tracker_node.tracking.estimator.problem import COLUMNS
+from marker_tracker_node.tracking.estimator.problem import ANGLE, COLUMNS
+from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.state import Burst, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
@@ -64,6 +65,12 @@ class SightingLog:
     def motion(self) -> FloatArray:
         """The cylinder as the encoder reported it, shape (n, 2): t [s], angle [rad]."""
         return self._motion.values
+
+    @property
+    def quiet(self) -> bool:
+        """Whether the pass of the last marker is over, and no other one is in sight."""
+        seen, motion = self.sightings, self.motion
+        return bool(len(seen)) and abs(motion[-1, 1] - seen[-1, ANGLE]) > PROOF_ADVANCE
 
     def forget(self, numbers: IndexArray) -> None:
         """Forget the sightings of some markers."""

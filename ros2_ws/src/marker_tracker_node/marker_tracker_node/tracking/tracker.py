@@ -84,7 +84,8 @@ class Tracker:
         self._memory: list[Burst] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
         self._log, self._checks = SightingLog(), RunChecks()
-        self._frames = 0
+        # How many frames were used, and how many of them when they were explained last.
+        self._frames, self._explained_at = 0, -1
         self._rejected = dict.fromkeys(FrameFault, 0)
         self._losses = 0
         self._flags = np.full(len(self._ids), MarkerFlag.NOT_WOUND, dtype=np.uint32)
@@ -226,7 +227,7 @@ class Tracker:
 
     def estimates(self) -> Markers:
         """Return what is known of each marker so far, its mean over all frames."""
-        self.explain()
+        self._explain()
         marks = self.state.marks
         known = marks.known
         out = Burst.empty(1, len(known))
@@ -270,7 +271,7 @@ class Tracker:
 
     def report(self) -> TrackerReport:
         """Return counts and situation for diagnostics."""
-        self.explain()
+        self._explain()
         cylinder, marks = self.state.run.cylinder, self.state.marks
         separation = math.nan if self.colour is None else self.colour.separation
         return TrackerReport(
@@ -290,22 +291,28 @@ class Tracker:
                 self._setup, self.state, p0_late=self._start.overdue(float(cylinder.angle))
             ),
             guide_doubt=guide_doubt(self._setup, self.state),
+            judged=self._checks.covers(self._log) and self._explained_at < self._frames,
         )
 
     def explain(self) -> None:
-        """Explain what was seen if there is news, and measure with what that corrects."""
+        """Explain what was seen if there is news; the next frame is measured with it."""
+        if self._explain():
+            self._explained_at = self._frames
+
+    def _explain(self) -> bool:
         done = self._checks.judge(self._log, self._setup, self.state, self._seen)
         found, marks = self._checks.correction, self.state.marks
         if not (done and self._start.proven):
-            return
+            return done
         if found is None:
             if not self._numbers.made:
                 marks.doubt_theta[:] = marks.doubt_height[:] = 0.0
-            return
+            return True
         if self._numbers.changes(found, marks):
             self._recalibrate(found, self._without(found.errors))
             self._start.posed = True
         marks.doubt_theta[found.markers], marks.doubt_height[found.markers] = found.doubt
+        return True
 
     def _turn_camera(self) -> None:
         """Measure with the pose that a pass of P0 has given."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,11 @@ from winding_rig_node.camera import CablePath, CameraConfig, Light, Renderer, Sc
 FloatArray = NDArray[np.float64]
 ByteArray = NDArray[np.uint8]
 
-_GRID = np.arange(0.0, 45.0, 0.01)
+_STEP = 0.01
+_GRID = np.arange(0.0, 45.0, _STEP)
+_TURN = round(2.0 * math.pi / _STEP)
+# Wound angle in which cable that lies beside its first turn has bent aside [rad].
+_BENT = 2.0
 _COUNT = 2.0 * math.pi / 8192
 
 
@@ -85,9 +90,12 @@ class World:
         """R + r [m]."""
         return self.cylinder_radius + self.cable_radius
 
-    @property
+    @cached_property
     def _lay(self) -> tuple[FloatArray, FloatArray]:
-        """Height [m] and slope [m/rad] of the cable over the grid of wound angles."""
+        """Height [m] and slope [m/rad] of the cable over the grid of wound angles.
+
+        Cable that the guide would lay into its first turn is held off by that, and bent before it.
+        """
         law = FleetAngleLaw(
             advance_per_radian=self.drive.advance_per_radian,
             free_length=self.free_length,
@@ -95,9 +103,15 @@ class World:
         )
         lag = self.free_length / self.radius
         late = np.exp(-_GRID / lag)
-        return law.z(_GRID) + self.landing * (1.0 - late), law.slope(
-            _GRID
-        ) + self.landing / lag * late
+        z = law.z(_GRID) + self.landing * (1.0 - late)
+        slope = law.slope(_GRID) + self.landing / lag * late
+        if z.min() < -self.cable_radius:
+            # Back from so far behind P0 a guide leads the cable over itself.
+            return z, slope
+        rise = 1.0 - np.exp(-_GRID / _BENT)
+        lack = 2.0 * self.cable_radius - (z[_TURN:] - z[:-_TURN])
+        beside = max(float((lack / (rise[_TURN:] - rise[:-_TURN]))[:_TURN].max()), 0.0)
+        return z + beside * rise, slope + beside * (1.0 - rise) / _BENT
 
     @property
     def markers(self) -> tuple[FloatArray, FloatArray]:

@@ -47,19 +47,25 @@ class RunChecks:
     def __init__(self) -> None:
         self.contradictions: tuple[Contradiction, ...] = ()
         self.correction: Correction | None = None
-        # How many markers, turns and sightings were judged.
-        self._news, self._rows = (0, 0), 0
+        # How many markers and turns, and sightings, were judged; and markers after a pass.
+        self._news, self._rows, self._markers = (0, 0), 0, 0
 
     def judge(
         self, log: SightingLog, setup: Setup, state: TrackerState, seen: Callable[[], Seen]
     ) -> bool:
-        """Judge anew with every marker, turn and a fifth more sightings; return whether it is done.
+        """Judge anew with every marker, turn and a fifth more sightings, and a marker's first pass.
 
-        What is explained is made by `seen`.
+        What is explained is made by `seen`. Return whether it is done.
         """
         laps, rows = log.laps, len(log.sightings)
         news = len(laps), max(map(len, laps.values()), default=0)
-        if self._news == news and rows <= _MORE * self._rows:
+        passed = len(laps) != self._markers and log.quiet
+        more = rows > _MORE * self._rows
+        if passed or more:
+            self._markers = len(laps)
+        # A marker that comes while numbers are corrected is doubted as that leaves it.
+        corrected = self.correction is not None and self.correction.carried
+        if self._news == news and not more and (corrected or not passed):
             return False
         self._news, self._rows = news, rows
         light = _of_light(log, state.marks.area)
@@ -69,6 +75,10 @@ class RunChecks:
         wrong, self.correction = explained(seen()) if rows >= LEAST_ROWS else ((), None)
         self.contradictions = _of_everything(wrong, log, setup, state)
         return True
+
+    def covers(self, log: SightingLog) -> bool:
+        """Return whether two markers or more were judged, and every one that was seen."""
+        return 1 < self._markers == len(log.laps) and self._rows >= LEAST_ROWS
 
 
 def _of_everything(
@@ -155,7 +165,8 @@ def _of_spacing(gaps: FloatArray, known: tuple[int, ...]) -> Contradiction | Non
             ),
         )
     ratio = float(np.median(gaps)) if gaps.size else 1.0
-    if abs(math.log(ratio)) < SURE * _GAP_SIGMA:
+    uneven = float(np.abs(np.log(gaps / ratio)).max(initial=0.0)) > SURE * _GAP_SIGMA
+    if abs(math.log(ratio)) < SURE * _GAP_SIGMA and not uneven:
         return None
     return Contradiction(
         number="marker_spacing",
@@ -163,9 +174,11 @@ def _of_spacing(gaps: FloatArray, known: tuple[int, ...]) -> Contradiction | Non
         sentence=(
             f"the marker spacing is set too {'small' if ratio > 1.0 else 'large'}: bands lie "
             f"{ratio:.2f} times as far apart as it and the cable's stretch give"
+            + ", and not evenly: was one missed?"
+            * uneven
         ),
         # No modulus is set more wrongly.
-        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE,
+        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE and not uneven,
     )
 
 
@@ -198,5 +211,5 @@ def _of_guide(setup: Setup, state: TrackerState) -> Contradiction | None:
             f"the cable is led, or {1.0 / (1.0 + sizes['guide_scale']):.2f} times as large"
         ),
         alternatives=(second,) if left[second] < left[first] + AS_WELL else (),
-        doubted=True,
+        doubted=1.0 / USUAL_SCALE <= 1.0 + sizes["guide_scale"] <= USUAL_SCALE,
     )

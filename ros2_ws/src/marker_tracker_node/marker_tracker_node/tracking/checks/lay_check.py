@@ -95,7 +95,7 @@ def overdue(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
 
 def guide_doubt(setup: Setup, state: TrackerState) -> str:
     """Return what is wrong with the guide's readings in the last frame, empty if nothing."""
-    guide, ratio = state.run.guide, height_ratio(setup, state)
+    guide = state.run.guide
     if guide.belief == BY_READINGS:
         if not math.isfinite(guide.zero):
             return ""
@@ -104,12 +104,7 @@ def guide_doubt(setup: Setup, state: TrackerState) -> str:
                 f"a marker lies {beside / MILLIMETRE:.0f} mm beside where the guide has led the "
                 "cable: are markers confused?"
             )
-        if math.isnan(ratio) or 1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE:
-            return ""
-        return (
-            f"the guide's readings contradict the pictures: the cable lies {ratio:.2f} "
-            "times as far along the cylinder as they state"
-        )
+        return ""
     expected = setup.advance_per_radian * guide.turned
     scale = guide.travel / expected if expected else math.inf
     if abs(scale) > MOST_SCALE:
@@ -155,23 +150,3 @@ def missing_markers(setup: Setup, state: TrackerState, *, p0_late: bool) -> tupl
     if last + 1 < marks.known.size and run.cylinder.angle > due:
         late.append(last + 1)
     return tuple(late)
-
-
-def height_ratio(setup: Setup, state: TrackerState) -> float:
-    """Return the heights of the markers over those of the path; nan if they lie on it.
-
-    The path is that of the guide's readings as they are, without the offset that was fitted.
-    """
-    marks, run = state.marks, state.run
-    places = [n for n in range(1, marks.known.size) if marks.known[n]]
-    if not places or not marks.known[0]:
-        return math.nan
-    row = 0 if run.guide.belief == BY_READINGS else 1
-    seen = marks.height[places] - marks.height[0]
-    path = seen - [
-        beside_path(setup, run.guide, marks, state.paths, run.path_filled, row, n) for n in places
-    ]
-    square = float(path @ path)
-    if square == 0.0 or np.abs(seen - path).max() < 3.0 * LAY_SIGMA:
-        return math.nan
-    return float(path @ seen) / square

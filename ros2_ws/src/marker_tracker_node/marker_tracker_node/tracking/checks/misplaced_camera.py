@@ -58,7 +58,8 @@ class MisplacedCamera:
         What is followed as P0 already, with an azimuth so far ahead of the reading [rad], may be a
         later marker; nan if nothing is. The markers' colour is None if it is not known.
         """
-        if abs(angle - self._looked) < PROOF_ADVANCE:
+        # The live window shows bands of a thick cylinder for 0.46 rad: that is four looks and more.
+        if abs(angle - self._looked) < 0.5 * PROOF_ADVANCE:
             return ""
         self._looked = angle
         if math.isnan(self._begun):

@@ -27,7 +27,7 @@ STEP = 1.0e-4
 
 @compiled
 def band_pictures(
-    view: CameraView, body: Body, bands: FloatArray
+    view: CameraView, body: Body, painted: Body, bands: FloatArray
 ) -> FloatArray:  # pragma: no cover
     """Return plane coordinates of bands and their derivatives.
 
@@ -37,7 +37,8 @@ def band_pictures(
 
     Args:
         view: The camera.
-        body: What the bands are painted on.
+        body: What the bands are measured with.
+        painted: What they are painted on.
         bands: Fields of `Band`, shape (k, 7).
 
     Returns:
@@ -46,19 +47,20 @@ def band_pictures(
         logarithms of the radii of cylinder and cable and of the band's width.
     """
     out = np.empty((bands.shape[0], _ROWS, 2))
-    r, radius = body.cable_radius, body.rho - body.cable_radius
-    wider = Body(body.rho + STEP * radius, r, body.half_band, body.half_around)
-    thicker = Body(body.rho + STEP * r, r * (1.0 + STEP), body.half_band, body.half_around)
-    longer = Body(body.rho, r, body.half_band * (1.0 + STEP), body.half_around)
+    rho, r, half, around = painted.rho, painted.cable_radius, painted.half_band, painted.half_around
+    wider = Body(rho + STEP * (rho - r), r, half, around)
+    thicker = Body(rho + STEP * r, r * (1.0 + STEP), half, around)
+    longer = Body(rho, r, half * (1.0 + STEP), around)
     for k in range(bands.shape[0]):
-        band = band_of(bands[k])
-        a, b, _area = band_centroid(view, body, band)
+        band = _cut_again(band_of(bands[k]), body, painted)
+        a, b, _area = band_centroid(view, painted, band)
         out[k, 0, 0], out[k, 0, 1] = a, b
-        _by_camera(view, body, band, a, b, out[k])
+        _by_camera(view, painted, band, a, b, out[k])
         further = moved_band(band, band.azimuth + STEP, band.z)
-        _by_difference(band_centroid(view, body, further), out[k], AZIMUTH)
+        _by_difference(band_centroid(view, painted, further), out[k], AZIMUTH)
         _by_difference(band_centroid(view, wider, band), out[k], CYLINDER)
-        _by_difference(band_centroid(view, thicker, band), out[k], CABLE)
+        cut = _cut_again(band, painted, thicker)
+        _by_difference(band_centroid(view, thicker, cut), out[k], CABLE)
         _by_difference(band_centroid(view, longer, band), out[k], BAND_WIDTH)
     return out
 
@@ -67,20 +69,43 @@ def band_pictures(
 def seen_again(
     view: CameraView, body: Body, other: CameraView, painted: Body, bands: FloatArray
 ) -> FloatArray:  # pragma: no cover
-    """Return azimuth [rad] and z [m] of bands as another camera and body explain their pictures.
+    """Return azimuth, z, low and high of bands as another camera and body explain their pictures.
 
     Bands are rows of the fields of `Band`, shape (k, 7), measured with the first view and body.
-    Those of which the other camera sees no cable stay as they were. Shape (k, 2).
+    Those of which the other camera sees no cable stay as they were. Shape (k, 4).
     """
-    out = bands[:, :2].copy()
+    out = bands[:, np.array([0, 1, 3, 4])]
     for k in range(bands.shape[0]):
         band = band_of(bands[k])
         a, b, _area = band_centroid(view, body, band)
         a, b = a * view.fx / other.fx, b * view.fy / other.fy
-        azimuth, z = solve_band(other, painted, a, b, band)
+        cut = _cut_again(band, body, painted)
+        azimuth, z = solve_band(other, painted, a, b, cut)
         if math.isfinite(azimuth) and math.isfinite(z):
             out[k, 0], out[k, 1] = azimuth, z
+            out[k, 2], out[k, 3] = cut.low, cut.high
     return out
+
+
+@called
+def _edge(angle: float, distance: float, before: float, after: float) -> float:  # pragma: no cover
+    """Return where around the section a band is cut off that was at an angle [rad] before.
+
+    A turn lies at a distance, the cable's radius is another one than before [m]: where a gate ends
+    stays where it is, and turns meet half way.
+    """
+    place = 0.5 * distance
+    if angle < math.pi:
+        place = min(place, before * math.sin(angle))
+    return math.asin(place / after) if place < after else math.pi
+
+
+@called
+def _cut_again(band: Band, before: Body, after: Body) -> Band:  # pragma: no cover
+    """Return a band that was measured with a body as it is cut off with another one's cable."""
+    low = -_edge(-band.low, band.below, before.cable_radius, after.cable_radius)
+    high = _edge(band.high, band.above, before.cable_radius, after.cable_radius)
+    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
 
 
 @called

@@ -52,8 +52,8 @@ from marker_tracker_node.tracking.estimator.numbers import (
 
 # Inverse variance of what is taken as it is, to a micrometre or a microradian.
 HELD = 1.0e12
-# Columns of sightings; z is followed by slope, low, high, below and above, as in `Band`.
-MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, _, _, _, _, _, COLUMNS = range(12)
+# Columns of sightings; the last ones are fields of `Band`.
+MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, _, LOW, HIGH, _, _, COLUMNS = range(12)
 # Bands of consistent runs are up to 5 % smaller than they are, as their edges are mixed pixels, or
 # 5 % larger where they are blurred.
 AREA_SIGMA = 0.035
@@ -123,7 +123,8 @@ class Problem:
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
         view = camera_without(seen.camera, seen.without).view(seen.used)
         body = body_without(seen.body, seen.without)
-        self._goal = pictures.band_pictures(view, body, self._bands)[:, 0]
+        self._used = body
+        self._goal = pictures.band_pictures(view, body, body, self._bands)[:, 0]
         self._goal *= self._focal / (1.0 + seen.without[FOCAL])
         cuts = cut_off(self._bands, seen.body.cable_radius)
         self._bias, sigmas = bias_shapes(azimuth, self._index, cuts, common)
@@ -167,7 +168,8 @@ class Problem:
         bands = self._bands.copy()
         bands[:, 0] = turned + x[ZERO] - x[COUNT + self._index]
         bands[:, 1] = x[self._first_z + self._index]
-        found = pictures.band_pictures(view, body_without(self._seen.body, x), bands)
+        painted = body_without(self._seen.body, x)
+        found = pictures.band_pictures(view, self._used, painted, bands)
         # First the picture, then its derivatives.
         by = np.moveaxis(found * (self._focal / (1.0 + x[FOCAL])), 1, 0)
         slopes = np.zeros((len(rows), 2, x.size))

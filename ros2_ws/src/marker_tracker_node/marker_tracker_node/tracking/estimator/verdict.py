@@ -12,7 +12,7 @@ import numpy as np
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.carried import data_information
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE, Fit, fitted
-from marker_tracker_node.tracking.estimator.numbers import CLOCK, COUNT, NUMBERS, ZERO
+from marker_tracker_node.tracking.estimator.numbers import BAND, CLOCK, COUNT, NUMBERS, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem
 
 # Releasing a prior must explain so much: in 101 consistent films it explained 9.3 at most.
@@ -23,8 +23,9 @@ _SIGNIFICANT = 2.5
 DEPENDENT = 2.5
 # What costs no more than this beyond the best explanation is one, too.
 AS_WELL = 14.0
-# Two coordinates of an explained sighting leave a square of 3.2 in four of five: so much is not.
-EXPLAINED = 6.5
+# Two coordinates of an explained sighting leave a square of 3.2 in four of five, and bands of eight
+# pixels, whose masks err more, up to 6.6: so much is not.
+EXPLAINED = SURE**2
 # What gains less than this share of the best is not tried, and not named beside it: a large error
 # leaves bends that a small turn of the camera takes up. For those bends what lacks no more than
 # this share of the best gain explains as well, too: up to 0.12 in films of thick cable.
@@ -45,11 +46,14 @@ class Explanation(NamedTuple):
 
     @property
     def left(self) -> bool:
-        """Whether the error exceeds what is doubted of the number, and is no bound."""
-        known = NUMBERS[self.number]
-        return abs(self.error) > _SIGNIFICANT * math.hypot(known.doubt, self.sigma) and (
-            abs(self.error) < known.most
-        )
+        """Whether the error exceeds what is doubted of the number."""
+        doubt = math.hypot(NUMBERS[self.number].doubt, self.sigma)
+        return abs(self.error) > _SIGNIFICANT * doubt
+
+    @property
+    def inside(self) -> bool:
+        """Whether the error is no bound."""
+        return abs(self.error) < NUMBERS[self.number].most
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +73,7 @@ class Verdict:
     def released(self) -> tuple[Explanation, ...]:
         """Numbers beyond their doubt that explain the sightings best; empty for none."""
         beyond = [group for group in self.wrong if not group[0].doubted]
-        return beyond[-1] if beyond else ()
+        return tuple(one for one in beyond[-1] if one.left) if beyond else ()
 
     @property
     def best(self) -> Fit:
@@ -97,7 +101,7 @@ def judged(problem: Problem) -> Verdict:
     verdict = Verdict(wrong=wrong, fits=(usual, *_released(problem, wrong)))
     if verdict.best.rest > EXPLAINED:
         far = _furthest(usual)
-        return Verdict(wrong=(far,) if far else (), fits=(usual,), explained=False)
+        return Verdict(wrong=(far,), fits=(usual,), explained=False)
     return verdict
 
 
@@ -106,6 +110,8 @@ def _released(problem: Problem, wrong: tuple[tuple[Explanation, ...], ...]) -> I
     best = [group[0].number for group in wrong]
     for place, group in enumerate(wrong):
         for one in group:
+            if not (one.left or one.doubted):
+                continue
             chosen = [*best[:place], one.number, *best[place + 1 :]]
             prior = problem.prior.copy()
             prior[chosen] = [NUMBERS[number].most ** -2 for number in chosen]
@@ -152,12 +158,16 @@ def _within_doubt(
         beside = [k for k in found if k != number]
         costs = {k: cost([*beside, k]) for k in range(COUNT) if k not in beside}
         order = sorted((k for k in costs if costs[k] < left + AS_WELL), key=lambda k: costs[k])
-        # Wound angles are counted from P0 itself, and the clock is judged by its own offset.
-        if not set(order) <= {ZERO, CLOCK}:
-            sizes = {k: float(errors([*beside, k])[k]) for k in order}
+        sizes = {k: float(errors([*beside, k])[k]) for k in order}
+        # Wound angles are counted from P0 itself, and the clock is judged by its own offset; half
+        # of what is doubted of a number is what it usually is off by.
+        usual = all(abs(sizes[k]) < 0.5 * NUMBERS[k].doubt for k in order)
+        if not (usual or set(order) <= {ZERO, CLOCK}):
             spread = {k: float(data[k, k]) ** -0.5 for k in order}
+            # Bands so much smaller or larger than they should be are measured in part.
+            doubted = order[0] != BAND
             groups.append(
-                tuple(Explanation(k, sizes[k], spread[k], fit, doubted=True) for k in order)
+                tuple(Explanation(k, sizes[k], spread[k], fit, doubted=doubted) for k in order)
             )
     return tuple(groups)
 
@@ -165,10 +175,11 @@ def _within_doubt(
 def _furthest(usual: Fit) -> tuple[Explanation, ...]:
     """Return the numbers that a fit takes far from what was configured, the furthest first."""
     away = [(abs(float(usual.x[k])) / NUMBERS[k].doubt, k) for k in range(COUNT)]
+    away.sort(reverse=True)
     return tuple(
         Explanation(k, float(usual.x[k]), math.nan, usual)
-        for size, k in sorted(away, reverse=True)
-        if size > SURE
+        for size, k in away
+        if size >= min(SURE, away[0][0])
     )
 
 
@@ -201,4 +212,7 @@ def _explanations(problem: Problem, usual: Fit, least: float) -> tuple[Explanati
     if not found or usual.cost - found[0].fit.cost < least:
         return ()
     most = max(AS_WELL, _LEAST_SHARE * (usual.cost - found[0].fit.cost))
-    return tuple(one for one in found if one.left and one.fit.cost < found[0].fit.cost + most)
+    close = [one for one in found if one.fit.cost < found[0].fit.cost + most and one.inside]
+    # What explains as well is named behind a number that is beyond its doubt, whatever its own.
+    close.sort(key=lambda one: not one.left)
+    return tuple(close) if close and close[0].left else ()

@@ -248,6 +248,8 @@ def confirm_candidates(
             # Wound angles count from P0, wherever camera and encoder think that it is.
             shift -= candidates.theta[c]
             candidates.theta[c] = 0.0
+        # Corrected numbers are doubted there as much as anywhere, and more further from P0.
+        further = max(candidates.theta[c] / max((marks.known * marks.theta).max(), 1.0), 1.0)
         marks.known[number], marks.found[number] = True, candidates.last[c]
         marks.theta[number] = candidates.theta[c]
         marks.height[number] = candidates.height[c]
@@ -258,6 +260,8 @@ def confirm_candidates(
         marks.weight[number] = 1.0
         marks.var_theta[number] = 0.0
         marks.var_height[number] = 0.0
+        marks.doubt_theta[number] = marks.doubt_theta.max() * further * further
+        marks.doubt_height[number] = marks.doubt_height.max() * further * further
         candidates.hits[c] = 0
     return shift
 
