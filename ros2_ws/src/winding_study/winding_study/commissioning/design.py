@@ -13,7 +13,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_study.commissioning.lay import CellLay
 from winding_study.commissioning.motion import Motion
 from winding_study.commissioning.posterior import CellPosterior, whitening
-from winding_study.commissioning.unknowns import COUNT, Array, CellPrior, Coordinates, Unknown
+from winding_study.commissioning.unknowns import COUNT, Array, CellPrior, Unknown, numbers_of
 
 _PROBE = 1.0e-3
 # Cells of the prior over which sensitivities are averaged, the middle one among them.
@@ -45,18 +45,20 @@ class Expected:
         return min(self.share, key=lambda name: self.share[name])
 
 
-def sensitivities(lay: CellLay, coordinates: Coordinates, q: Array) -> tuple[Array, Readings | None]:
+def sensitivities(
+    lay: CellLay, unknowns: tuple[Unknown, ...], q: Array
+) -> tuple[Array, Readings | None]:
     """Return the slopes of whitened angles and z, shape (COUNT, 2 m), and where markers lie.
 
     Forward differences of the closed form by the normal deviates of the numbers.
 
     Args:
         lay: Of the motion.
-        coordinates: Of the numbers.
+        unknowns: What the numbers are.
         q: Deviates of one cell, shape (COUNT,).
     """
     rows = q + np.vstack([np.zeros(COUNT), _PROBE * np.eye(COUNT)])
-    places = lay(coordinates.numbers(rows))
+    places = lay(numbers_of(unknowns, rows))
     seen = np.isfinite(places.theta).all(axis=0) & (places.theta[0] < lay.end - SEEN_AFTER)
     if not seen.any():
         return np.zeros((COUNT, 0)), None
@@ -70,7 +72,8 @@ def sensitivities(lay: CellLay, coordinates: Coordinates, q: Array) -> tuple[Arr
     )
     both = np.hstack([places.theta[:, seen], places.z[:, seen]])
     slope = (both[1:] - both[0]) / _PROBE
-    return slope @ whitening(readings).T, readings
+    middle = numbers_of(unknowns, q[None])
+    return slope @ whitening(readings, lay, middle).T, readings
 
 
 def ranked(
@@ -94,7 +97,7 @@ def ranked(
         places = np.vstack([np.zeros(COUNT), 0.7 * rng.standard_normal((_CELLS - 1, COUNT))])
         before = np.eye(COUNT)
     else:
-        places, before = known.best[None], known.covariance
+        places, before = known.deviates[None], known.covariance
     # What is known has no deviation to lose.
     held = np.array([item.known for item in unknowns])
     if known is not None:
@@ -116,15 +119,12 @@ def _expected(
     before: Array,
     information: Array,
 ) -> Expected:
-    lay = CellLay(config, motion.inputs())
-    coordinates = Coordinates(
-        unknowns=unknowns, pull=lay.mean_pull, area=config.case.axial_area, wound=lay.wound
-    )
+    lay = CellLay(config, motion.inputs(), motion)
     gains, shares, markers = [], [], 0
     own = np.ix_(asked, asked)
     volume = np.linalg.slogdet(before[own])[1]
     for place in places:
-        slope, readings = sensitivities(lay, coordinates, place)
+        slope, readings = sensitivities(lay, unknowns, place)
         after = np.linalg.inv(information + slope @ slope.T)
         gains.append(0.5 * (volume - np.linalg.slogdet(after[own])[1]))
         shares.append(np.sqrt(np.diag(after) / np.diag(before)))

@@ -21,15 +21,20 @@ from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import is_wound
 from winding_core.run_inputs import Inputs
+from winding_study.commissioning.motion import Motion
 from winding_study.commissioning.unknowns import Array, Numbers
 
 # Between two places of the grid [rad]: against half of it no angle moved by 0.3 mrad.
 _STEP = 0.2
+# The pull is averaged over so much to either side [rad]: a load cell is noisy.
+_AVERAGED = 0.3
 # Slip reaches no further back than this [rad]: at a friction of 0.06 that is a ratio of 6.
 _SLIP_REACH = 30.0
 # Shares of C01 between which the law is interpolated.
 _SHARES = np.linspace(0.0, 0.9, 10)
 _STRESSES = np.linspace(0.0, 2.5, 1200)
+# An element lies on the cylinder at most so many times its length long, as in `rod_run`.
+_LONGEST = 1.15
 # Where bending takes more than this, no cable lies on the cylinder.
 _MOST_BENT = 0.9
 
@@ -48,9 +53,11 @@ class CellLay:
     Args:
         config: What is wound, as far as it is known.
         inputs: The machine's motion, with the pull at the guide as its tension.
+        motion: That was commanded. The brake's own friction follows the turns of its pull: those of
+            a load cell's noise would draw it along.
     """
 
-    def __init__(self, config: WindingConfig, inputs: Inputs) -> None:
+    def __init__(self, config: WindingConfig, inputs: Inputs, motion: Motion) -> None:
         case = config.case
         self.config, self.inputs = config, inputs
         self.arc = case.marker_spacing * np.arange(1, case.marker_count + 1)
@@ -61,7 +68,9 @@ class CellLay:
         self._guide = np.interp(
             self._theta, forward["cylinder_angle"], forward["carriage_position"]
         )
-        self.pull = np.interp(self._theta, forward["cylinder_angle"], forward["tension"])
+        self.advance = float(self._guide[-1] - self._guide[0]) / self.end  # [m/rad]
+        self.pull = _averaged(self._theta, forward["cylinder_angle"], forward["tension"])
+        self._commanded = motion.pull_at(self._theta)
         self._bend = 0.5 * case.bending_stiffness / (case.material.young * case.axial_area)
         self._laws = _law_table(config)
 
@@ -102,6 +111,29 @@ class CellLay:
         scale = 1.0 + numbers["camera_scale"][:, None]
         return Places(theta=places[0], z=places[1] * scale)
 
+    def slips(self, numbers: Numbers) -> list[tuple[float, float]]:
+        """Return where the tension of one cell changes faster than friction holds.
+
+        Returns:
+            Wound angle behind each such change [rad], and change of the stretch over it.
+        """
+        span = self._span(numbers)
+        stretch = self._laws.rows(numbers["law_share"]).stretch(
+            span / (numbers["young"] * self.config.case.axial_area)[:, None]
+        )[0]
+        rate = np.abs(np.diff(np.log(span[0]))) / self._theta[1]
+        slipping = np.concatenate([[False], rate > float(numbers["friction"][0]), [False]])
+        edges = np.flatnonzero(np.diff(slipping))
+        return [
+            (float(self._theta[end]), float(abs(stretch[end] - stretch[begin])))
+            for begin, end in zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True)
+        ]
+
+    @property
+    def element(self) -> float:
+        """Angle that an element of the rod lies on [rad], before it is stretched."""
+        return self.config.resolved.segment / self.config.case.centreline_radius
+
     def rod(self, numbers: Numbers) -> Places:
         """Return where the rod has the markers of one cell, whose numbers have shape (1,).
 
@@ -120,10 +152,10 @@ class CellLay:
     def rod_config(self, numbers: Numbers) -> WindingConfig:
         """Return what the rod winds of one cell."""
         share = float(numbers["law_share"][0])
-        material = dataclasses.replace(
-            self.config.case.material, young=float(numbers["young"][0])
-        )
+        material = dataclasses.replace(self.config.case.material, young=float(numbers["young"][0]))
         law = "mooney_rivlin" if share > 0.0 else self.config.law
+        stress = self._span(numbers) / (float(numbers["young"][0]) * self.config.case.axial_area)
+        longest = float(self._laws.rows(numbers["law_share"]).stretch(stress).max())
         return dataclasses.replace(
             self.config,
             case=dataclasses.replace(self.config.case, material=material),
@@ -131,31 +163,49 @@ class CellLay:
             mooney_ratio=share / (1.0 - share) if share > 0.0 else self.config.mooney_ratio,
             friction=float(numbers["friction"][0]),
             free_length=float(numbers["free_length"][0]),
+            segment_length=self.config.resolved.segment * min(1.0, _LONGEST / longest),
         )
 
     def rod_inputs(self, numbers: Numbers) -> Inputs:
         """Return the motion with the tension at the cylinder of one cell."""
         inputs = self.inputs.copy()
-        inputs["tension"] = np.interp(
-            inputs["cylinder_angle"], self._theta, self._span(numbers)[0]
-        )
+        inputs["tension"] = np.interp(inputs["cylinder_angle"], self._theta, self._span(numbers)[0])
         return inputs
 
     def _span(self, numbers: Numbers) -> Array:
         """Return the tension at the cylinder [N], shape (n, k)."""
-        pull = np.broadcast_to(self.pull, (numbers["young"].size, self.pull.size)).copy()
-        if np.ptp(self.pull) > 0.0:
-            play = numbers["brake_friction"]
-            held = pull[:, 0]
-            for k in range(pull.shape[1]):
-                held = np.clip(held, (1.0 - play) * self.pull[k], (1.0 + play) * self.pull[k])
-                pull[:, k] = held
+        pull = np.broadcast_to(self.pull, (numbers["young"].size, self.pull.size))
+        if np.ptp(self._commanded) > 0.0:
+            pull = pull * _behind(self._commanded, numbers["brake_friction"])
         wound = self.config.case.centreline_radius * self._theta
         built = 1.0 - (1.0 - numbers["start_share"][:, None]) * np.exp(
             -wound / numbers["build_up_length"][:, None]
         )
         full = numbers["load_share"][:, None] * pull + numbers["guide_drag"][:, None]
         return np.asarray(full * built)
+
+
+def _averaged(theta: Array, angle: Array, values: Array) -> Array:
+    """Return means of values about each wound angle, shape of theta."""
+    area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * np.diff(angle))])
+    low = np.clip(theta - _AVERAGED, angle[0], angle[-1])
+    high = np.clip(theta + _AVERAGED, angle[0], angle[-1])
+    return np.asarray((np.interp(high, angle, area) - np.interp(low, angle, area)) / (high - low))
+
+
+def _behind(pull: Array, friction: Array) -> Array:
+    """Return the tension behind a brake with friction over the pull, shape (n, k).
+
+    Args:
+        pull: Commanded [N], shape (k,).
+        friction: Share of the pull that is held back, shape (n,).
+    """
+    found = np.empty((friction.size, pull.size))
+    held = np.full(friction.size, pull[0])
+    for k, now in enumerate(pull.tolist()):
+        held = np.clip(held, (1.0 - friction) * now, (1.0 + friction) * now)
+        found[:, k] = held / now
+    return found
 
 
 def _held(span: Array, friction: Array, step: float) -> Array:
@@ -228,10 +278,10 @@ def _law_table(config: WindingConfig) -> _Laws:
     for share in shares.tolist():
         law = config.resolved.law
         if shares.size > 1:
-            law = dataclasses.replace(
-                law, law="mooney_rivlin", mooney_ratio=share / (1.0 - share)
-            )
+            law = dataclasses.replace(law, law="mooney_rivlin", mooney_ratio=share / (1.0 - share))
         stretch, stress, lateral = unit_law(law)
         axial.append(np.interp(_STRESSES, stress, stretch))
-        side.append(np.interp(_STRESSES, stress, lateral if config.thins else np.ones_like(lateral)))
+        side.append(
+            np.interp(_STRESSES, stress, lateral if config.thins else np.ones_like(lateral))
+        )
     return _Laws(axial=np.array(axial), side=np.array(side))

@@ -31,6 +31,7 @@ class MachineReach:
         carriage_speed: Largest speed of the carriage [m/s].
         feed: Speed of the carriage where that is the machine's own [m/s]; None: it is chosen.
         travel: Greatest way of the carriage [m], towards the side of the feed.
+        clear: Least advance of the guide per turn with which no turn lies on another [m].
         pulls: Smallest and largest pull that may be commanded [N]; None: the weight alone pulls.
         longest: Longest motion [s].
     """
@@ -39,6 +40,7 @@ class MachineReach:
     carriage_speed: float
     feed: float | None = None
     travel: float
+    clear: float = 0.0
     weight: float  # Pull without a command [N]
     pulls: tuple[float, float] | None = None
     ramp_time: float  # From standstill to full speed [s]
@@ -143,8 +145,22 @@ def candidates(reach: MachineReach, sign: float = 1.0) -> Iterator[Motion]:
     if none:
         raise ParameterError(
             f"the limits allow no motion of {_FEWEST_TURNS:g} turns: {reach.longest:g} s at up to "
-            f"{reach.speeds[1]:g} rad/s, {1e3 * reach.travel:g} mm of travel"
+            f"{reach.speeds[1]:g} rad/s, {1e3 * reach.travel:g} mm of travel, the carriage at up to "
+            f"{1e3 * reach.carriage_speed:g} mm/s, {1e3 * reach.clear:.3g} mm a turn at least"
         )
+
+
+def clearing_advance(diameter: float, lag: float) -> float:
+    """Return the advance of the guide per turn [m] from which on the first turn clears P0's.
+
+    By the lag law cable lies p (1 - (1 - exp(-2 pi / lag)) lag / (2 pi)) beside P0 after one turn.
+
+    Args:
+        diameter: Of the cable [m].
+        lag: Free length over centreline radius [rad].
+    """
+    turns = lag / _FULL_TURN
+    return diameter / (1.0 + turns * math.expm1(-1.0 / turns))
 
 
 def _feeds(reach: MachineReach, speed: float) -> Iterator[float]:
@@ -152,8 +168,8 @@ def _feeds(reach: MachineReach, speed: float) -> Iterator[float]:
         yield abs(reach.feed)
         return
     # As slow as fills the time with the travel, and faster ones that leave less time.
-    slowest = reach.travel / reach.longest
-    for factor in (1.0, 2.0, 4.0):
+    slowest = max(reach.travel / reach.longest, reach.clear * speed / _FULL_TURN)
+    for factor in (1.0, 1.5, 2.0, 3.0):
         feed = factor * slowest
         if feed <= reach.carriage_speed:
             yield feed

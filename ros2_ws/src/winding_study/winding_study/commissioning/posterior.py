@@ -17,17 +17,29 @@ from cable_fem_node.identification.rig_posterior import interval_of
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.run_inputs import Inputs
 from winding_study.commissioning.lay import CellLay, Places
-from winding_study.commissioning.unknowns import COUNT, Array, CellPrior, Coordinates, Unknown
+from winding_study.commissioning.motion import Motion
+from winding_study.commissioning.unknowns import (
+    COUNT,
+    Array,
+    CellPrior,
+    Coordinates,
+    Numbers,
+    Unknown,
+)
 
 # Of angles relative to themselves and as an offset [rad], of z relative and as an offset [m]: what
 # the closed form, corrected by the rod, still misses where the numbers are others than the rod's.
-ANGLE_SHARE, ANGLE_OFFSET = 3.0e-4, 0.4e-3
-Z_SHARE, Z_OFFSET = 1.0e-3, 0.03e-3
+ANGLE_SHARE, ANGLE_OFFSET = 1.0e-4, 0.5e-3
+Z_SHARE, Z_OFFSET = 0.3e-3, 0.03e-3
+# Of an element's angle times the change of the stretch where cable slips; of an element's advance,
+# and the angle [rad] over which that is forgotten. Rods of 0.8 times the element, 2 cells.
+SLIP_SHARE, START_SHARE, START_ANGLE = 0.5, 0.2, 8.0
 _PROBE = 1.0e-3
 _STEPS, _ROD_CALLS = 40, 4
 # The search ends where the rod moves it by less than this share of a deviation.
 _SETTLED = 0.2
-_FREEDOM = 6.0
+_FREEDOM = 12.0
+_ROUNDS = 4
 DRAWS = 1500
 # A number whose deviation stays above this share of the prior's is unobservable.
 _OBSERVED = 0.8
@@ -40,7 +52,8 @@ class Measured:
     """One run to learn from."""
 
     config: WindingConfig  # As configured
-    inputs: Inputs  # Motion, with the pull at the guide [N]
+    inputs: Inputs  # Measured motion, with the pull at the guide [N]
+    motion: Motion  # That was commanded
     readings: Readings  # Where markers lie
 
 
@@ -76,7 +89,8 @@ class CellPosterior:
 
     Attributes:
         draws: Numbers by name, shape (n,) each, with `weights`, which sum to one.
-        best: Deviates at the optimum, shape (COUNT,).
+        best: Numbers at the optimum, shape (1,) each.
+        deviates: Of the prior there, shape (COUNT,).
         covariance: Of the deviates, shape (COUNT, COUNT).
         found: What was looked for, and combinations that do not depend on what hides behind what.
     """
@@ -84,13 +98,19 @@ class CellPosterior:
     unknowns: tuple[Unknown, ...]
     draws: dict[str, Array]
     weights: Array
-    best: Array
+    best: Numbers
+    deviates: Array
     covariance: Array
     found: tuple[Found, ...]
     chi_square: float  # Of the residuals, prior included
     measured: int  # How many numbers were measured
     misfit: float  # Factor by which all deviations were widened, 1 for none
     rod_calls: int
+
+    @property
+    def effective(self) -> float:
+        """How many independent draws the weighted ones are worth."""
+        return 1.0 / float(self.weights @ self.weights)
 
     @property
     def unobservable(self) -> tuple[str, ...]:
@@ -101,13 +121,6 @@ class CellPosterior:
         """Return one number."""
         return next(item for item in self.found if item.name == name)
 
-    def mean_numbers(self) -> dict[str, Array]:
-        """Return the best cell, shape (1,) of each number; its covariance is about this place."""
-        return {
-            item.name: np.atleast_1d(item.value(self.best[k : k + 1]))
-            for k, item in enumerate(self.unknowns)
-        }
-
 
 class Whitened:
     """Residuals of one run's markers, standard normal each, for many cells at once.
@@ -115,18 +128,22 @@ class Whitened:
     Args:
         lay: The closed form of the run's motion.
         readings: Where markers lie.
+        numbers: Of a cell to begin with, shape (1,) each.
     """
 
-    def __init__(self, lay: CellLay, readings: Readings) -> None:
+    def __init__(self, lay: CellLay, readings: Readings, numbers: Numbers) -> None:
         self._lay, self._used = lay, readings.ids - 1
         self.measured = np.concatenate([readings.theta, readings.z])
-        self.white = whitening(readings)
+        self._readings = readings
+        self.white = whitening(readings, lay, numbers)
         self.excess = np.zeros(self.measured.size)
 
     def predicted(self, places: Places) -> Array:
         """Return theta and z of the used markers, shape (n, 2 m); one that never lands is far."""
         rows = np.hstack([places.theta[:, self._used], places.z[:, self._used]])
-        far = np.concatenate([np.full(self._used.size, 1.5 * self._lay.end), np.zeros(self._used.size)])
+        far = np.concatenate(
+            [np.full(self._used.size, 1.5 * self._lay.end), np.zeros(self._used.size)]
+        )
         return np.where(np.isnan(rows), far, rows)
 
     def residuals(self, numbers: dict[str, Array]) -> Array:
@@ -144,26 +161,45 @@ class Whitened:
         rod, closed = self._lay.rod(plain), self._lay(plain)
         known = np.isfinite(rod.theta + closed.theta)
         if not known[:, self._used].all():
-            raise IdentificationError("a used marker does not land on the rod with the best numbers")
+            raise IdentificationError(
+                "a used marker does not land on the rod with the best numbers"
+            )
         self.excess = (self.predicted(rod) - self.predicted(closed))[0]
+        self.white = whitening(self._readings, self._lay, numbers)
 
 
-def whitening(readings: Readings) -> Array:
-    """Return what makes residuals of angles and z standard normal, shape (2 m, 2 m)."""
+def whitening(readings: Readings, lay: CellLay, numbers: Numbers) -> Array:
+    """Return what makes residuals of angles and z standard normal, shape (2 m, 2 m).
+
+    Elements of the rod have a length, a cable has none: where a slip ends, and where the first
+    element lands, the rod knows to a part of an element.
+
+    Args:
+        readings: Where markers lie, and how well they are measured.
+        lay: Of the run.
+        numbers: Of the cell about which it holds, shape (1,) each.
+    """
     theta, z, count = readings.theta, readings.z, readings.ids.size
     covariance = np.zeros((2 * count, 2 * count))
-    covariance[:count, :count] = (
-        np.diag(readings.sigma_theta**2)
-        + ANGLE_SHARE**2 * np.outer(theta, theta)
-        + ANGLE_OFFSET**2
-    )
+    of_theta = np.diag(readings.sigma_theta**2 + ANGLE_OFFSET**2)
+    of_theta += ANGLE_SHARE**2 * np.outer(theta, theta) + ANGLE_OFFSET**2
+    for angle, change in lay.slips(numbers):
+        behind = (theta > angle) * (SLIP_SHARE * lay.element * change)
+        of_theta += np.outer(behind, behind)
+    start = START_SHARE * lay.element * abs(lay.advance) * np.exp(-theta / START_ANGLE)
+    covariance[:count, :count] = of_theta
     covariance[count:, count:] = (
-        np.diag(readings.sigma_z**2 + Z_OFFSET**2) + Z_SHARE**2 * np.outer(z, z) + Z_OFFSET**2
+        np.diag(readings.sigma_z**2 + Z_OFFSET**2)
+        + Z_SHARE**2 * np.outer(z, z)
+        + Z_OFFSET**2
+        + np.outer(start, start)
     )
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))
 
 
-def identify_cell(run: Measured, prior: CellPrior | None = None, draws: int = DRAWS) -> CellPosterior:
+def identify_cell(
+    run: Measured, prior: CellPrior | None = None, draws: int = DRAWS
+) -> CellPosterior:
     """Return the posterior of a cell's numbers from one run.
 
     Raises:
@@ -172,7 +208,7 @@ def identify_cell(run: Measured, prior: CellPrior | None = None, draws: int = DR
     from scipy.special import chdtrc  # noqa: PLC0415 - a plan without a fit needs none
 
     prior = CellPrior() if prior is None else prior
-    lay = CellLay(run.config, run.inputs)
+    lay = CellLay(run.config, run.inputs, run.motion)
     unknowns = prior.unknowns(run.config)
     coordinates = Coordinates(
         unknowns=unknowns,
@@ -180,8 +216,8 @@ def identify_cell(run: Measured, prior: CellPrior | None = None, draws: int = DR
         area=run.config.case.axial_area,
         wound=lay.wound,
     )
-    markers = Whitened(lay, run.readings)
-    u = coordinates.search(np.zeros((1, COUNT)))[0]
+    u = coordinates.start()
+    markers = Whitened(lay, run.readings, coordinates.numbers(u[None]))
     information = np.eye(COUNT)
     calls = 0
     for calls in range(_ROD_CALLS + 1):
@@ -193,7 +229,7 @@ def identify_cell(run: Measured, prior: CellPrior | None = None, draws: int = DR
         if calls == _ROD_CALLS:
             break
         try:
-            markers.learn_excess(coordinates.numbers(coordinates.deviates(u[None])))
+            markers.learn_excess(coordinates.numbers(u[None]))
         except (SolverError, ValueError) as error:
             raise IdentificationError(f"the rod cannot wind the best cell: {error}") from error
     measured = markers.measured.size
@@ -204,14 +240,14 @@ def identify_cell(run: Measured, prior: CellPrior | None = None, draws: int = DR
         information = information / misfit**2
     sample, weights = _drawn(markers, coordinates, u, information, misfit, draws)
     q = coordinates.deviates(sample)
-    numbers = coordinates.numbers(q)
-    best = coordinates.deviates(u[None])[0]
     off = q - weights @ q
+    numbers = coordinates.numbers(sample)
     return CellPosterior(
         unknowns=unknowns,
         draws=numbers,
         weights=weights,
-        best=best,
+        best=coordinates.numbers(u[None]),
+        deviates=coordinates.deviates(u[None])[0],
         covariance=np.asarray((off * weights[:, None]).T @ off),
         found=tuple(_found(unknowns, numbers, weights)),
         chi_square=squares,
@@ -221,19 +257,19 @@ def identify_cell(run: Measured, prior: CellPrior | None = None, draws: int = DR
     )
 
 
-def _residuals(markers: Whitened, coordinates: Coordinates, u: Array) -> Array:
-    q = coordinates.deviates(u)
-    return np.hstack([markers.residuals(coordinates.numbers(q)), q])
+def _residuals(markers: Whitened, coordinates: Coordinates, u: Array) -> tuple[Array, Array]:
+    """Return residuals of markers and prior, and what else ln of the prior density has."""
+    numbers = coordinates.numbers(u)
+    prior, more = coordinates.prior(u, numbers)
+    return np.hstack([markers.residuals(numbers), prior]), more
 
 
-def _best(
-    markers: Whitened, coordinates: Coordinates, u: Array
-) -> tuple[Array, Array, float]:
+def _best(markers: Whitened, coordinates: Coordinates, u: Array) -> tuple[Array, Array, float]:
     """Return optimum, information there, half the sum of squares; Levenberg and Marquardt."""
     probes = np.vstack([np.zeros(COUNT), _PROBE * np.eye(COUNT)])
 
     def around(place: Array) -> tuple[Array, Array, float]:
-        rows = _residuals(markers, coordinates, place + probes)
+        rows, _ = _residuals(markers, coordinates, place + probes)
         return rows[0], (rows[1:] - rows[0]) / _PROBE, 0.5 * float(rows[0] @ rows[0])
 
     base, slope, cost = around(u)
@@ -262,26 +298,44 @@ def _drawn(
     misfit: float,
     count: int,
 ) -> tuple[Array, Array]:
-    """Return draws from a t distribution about the optimum and their weights, which sum to one."""
+    """Return draws from a t distribution and their weights, which sum to one.
+
+    Mean and spread of the proposal are those of the draws before, beginning with the optimum
+    (population Monte Carlo, Cappe et al., J. Comput. Graph. Stat. 13, 2004). Weights are cut at
+    the root of the number of draws (Ionides, J. Comput. Graph. Stat. 17, 2008).
+    """
     rng = np.random.default_rng(0)
-    spread = np.linalg.cholesky(np.linalg.inv(information))
-    normal = rng.standard_normal((count, COUNT))
-    normal[1::2] = -normal[: count - 1 : 2]
-    tail = np.repeat(np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (count + 1) // 2)), 2)[:count]
-    sample = u + (normal * tail[:, None]) @ spread.T
-    squares = (normal**2).sum(axis=1) * tail**2
-    proposed = -0.5 * (_FREEDOM + COUNT) * np.log1p(squares / _FREEDOM)
-    rows = _residuals(markers, coordinates, sample)
-    fit = (rows[:, :-COUNT] ** 2).sum(axis=1) / misfit**2 + (rows[:, -COUNT:] ** 2).sum(axis=1)
-    weight = -0.5 * fit - proposed
-    weight = np.exp(weight - weight.max())
-    return sample, weight / weight.sum()
+    middle, covariance = u, np.linalg.inv(information)
+    for last in (*(False,) * _ROUNDS, True):
+        spread = np.linalg.cholesky(covariance)
+        normal = rng.standard_normal((count, COUNT))
+        normal[1::2] = -normal[: count - 1 : 2]
+        tail = np.repeat(np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (count + 1) // 2)), 2)[:count]
+        sample = middle + (normal * tail[:, None]) @ spread.T
+        squares = (normal**2).sum(axis=1) * tail**2
+        proposed = -0.5 * (_FREEDOM + COUNT) * np.log1p(squares / _FREEDOM)
+        rows, more = _residuals(markers, coordinates, sample)
+        fit = (rows[:, :-COUNT] ** 2).sum(axis=1) / misfit**2 + (rows[:, -COUNT:] ** 2).sum(axis=1)
+        weight = more - 0.5 * fit - proposed
+        weight = np.exp(weight - weight.max())
+        weight = np.minimum(weight, weight.mean() * math.sqrt(count))
+        weight /= weight.sum()
+        if not last:
+            middle = weight @ sample
+            off = sample - middle
+            seen = (off * weight[:, None]).T @ off
+            # Few draws that count leave a covariance of low rank: the one before fills it up.
+            trusted = min(1.0, 1.0 / float(weight @ weight) / (5.0 * COUNT))
+            covariance = trusted * seen + (1.0 - trusted) * covariance
+    return sample, weight
 
 
 def _found(unknowns: tuple[Unknown, ...], numbers: dict[str, Array], weights: Array) -> list[Found]:
     rng = np.random.default_rng(1)
     before = {item.name: item.value(rng.standard_normal(4000)) for item in unknowns}
-    rows = [(item.name, item.words, item.unit) for item in unknowns if item.asked and not item.known]
+    rows = [
+        (item.name, item.words, item.unit) for item in unknowns if item.asked and not item.known
+    ]
     # Of pull, modulus and drag markers determine the ratios alone.
     for table in (numbers, before):
         table["young_per_share"] = table["young"] / table["load_share"]
@@ -311,5 +365,3 @@ def _found(unknowns: tuple[Unknown, ...], numbers: dict[str, Array], weights: Ar
             )
         )
     return made
-
-

@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 # Beyond so many deviations a normal number lies at the end of its range.
 _FARTHEST = 8.0
+_ROUNDING = 1.0e-9
 # Laws between which the share of C01 in C10 + C01 goes on: 0 is neo-Hookean.
 _MOONEY = ("neo_hookean", "mooney_rivlin")
 
@@ -120,19 +121,28 @@ class CellPrior:
 
 
 NAMES = tuple(
-    "young law_share friction free_length load_share guide_drag start_share build_up_length "
-    "brake_friction eye camera_scale".split()
+    ["young", "law_share", "friction", "free_length", "load_share", "guide_drag", "start_share", "build_up_length", "brake_friction", "eye", "camera_scale"]
 )
 COUNT = len(NAMES)
 Numbers = dict[str, Array]
 
 
+_DRAG, _SHARE = NAMES.index("guide_drag"), NAMES.index("load_share")
+
+
+def numbers_of(unknowns: tuple[Unknown, ...], q: Array) -> Numbers:
+    """Return numbers by name, shape (n,) each, of standard normal deviates, shape (n, COUNT)."""
+    return {item.name: item.value(column) for item, column in zip(unknowns, q.T, strict=True)}
+
+
 @dataclass(frozen=True, kw_only=True)
 class Coordinates:
-    """From standard normal deviates to numbers, and from where a search moves to deviates.
+    """Where a search moves, and the prior there.
 
     Markers determine the stretch at which cable was laid, not what made it: modulus, load share
-    and drag hide behind each other. So a search moves ln(landed stress / E) in the modulus's place.
+    and drag hide behind each other. So a search moves ln(landed stress / E) in the modulus's place
+    and the normal deviate of drag over load share in the drag's; the other coordinates are the
+    deviates of the prior.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -140,23 +150,41 @@ class Coordinates:
     area: float  # That carries it [m^2]
     wound: float  # Length of cable on the cylinder in the end [m]
 
-    def numbers(self, q: Array) -> Numbers:
-        """Return numbers by name, shape (n,) each, of deviates, shape (n, COUNT)."""
-        return {
-            item.name: item.value(column) for item, column in zip(self.unknowns, q.T, strict=True)
-        }
+    def numbers(self, u: Array) -> Numbers:
+        """Return numbers by name, shape (n,) each, of coordinates, shape (n, COUNT)."""
+        found = numbers_of(self.unknowns, u)
+        found["guide_drag"] = self._ratio.value(u[:, _DRAG]) * found["load_share"]
+        found["young"] = self._landed(found) * np.exp(-u[:, 0])
+        return found
+
+    def prior(self, u: Array, found: Numbers) -> tuple[Array, Array]:
+        """Return residuals, shape (n, COUNT), and what else ln of the prior density has, (n,)."""
+        middle, deviation = self._young
+        residuals = u.copy()
+        residuals[:, 0] = np.log(found["young"] / middle) / deviation
+        low, high = self.unknowns[_DRAG].range
+        inside = (low - _ROUNDING <= found["guide_drag"]) & (
+            found["guide_drag"] <= high + _ROUNDING
+        )
+        return residuals, np.where(inside, np.log(found["load_share"]), -np.inf)
 
     def deviates(self, u: Array) -> Array:
-        """Return deviates of search coordinates, shape (n, COUNT) each."""
-        q = u.copy()
-        q[:, 0] = (self._log_force(q) - u[:, 0] - math.log(self._young[0])) / self._young[1]
+        """Return the deviates of all numbers by the prior, shape (n, COUNT) each."""
+        from scipy.special import ndtri  # noqa: PLC0415 - a plan without a fit needs none
+
+        found = self.numbers(u)
+        q, _ = self.prior(u, found)
+        low, high = self.unknowns[_DRAG].range
+        if high > low:
+            place = ndtri(np.clip((found["guide_drag"] - low) / (high - low), 0.0, 1.0))
+            q[:, _DRAG] = np.clip(place, -_FARTHEST, _FARTHEST)
         return q
 
-    def search(self, q: Array) -> Array:
-        """Return search coordinates of deviates, shape (n, COUNT) each."""
-        u = q.copy()
-        u[:, 0] = self._log_force(q) - math.log(self._young[0]) - self._young[1] * q[:, 0]
-        return u
+    def start(self) -> Array:
+        """Return the coordinates of the middle of the prior, shape (COUNT,)."""
+        u = np.zeros((1, COUNT))
+        u[0, 0] = math.log(float(self._landed(self.numbers(u))[0]) / self._young[0])
+        return u[0]
 
     @property
     def _young(self) -> tuple[float, float]:
@@ -164,11 +192,16 @@ class Coordinates:
         assert normal is not None
         return normal
 
-    def _log_force(self, q: Array) -> Array:
-        found = self.numbers(q)
+    @property
+    def _ratio(self) -> Unknown:
+        """Drag over load share, within what their ranges allow."""
+        (low, high), (least, most) = self.unknowns[_DRAG].range, self.unknowns[_SHARE].range
+        return Unknown(name="drag_per_share", words="", range=(low / most, high / least))
+
+    def _landed(self, found: Numbers) -> Array:
+        """Return the mean stress that lands [Pa], shape (n,)."""
         full = found["load_share"] * self.pull + found["guide_drag"]
-        decay = -np.expm1(-self.wound / found["build_up_length"]) * (
-            found["build_up_length"] / self.wound
-        )
+        length = found["build_up_length"]
+        decay = -np.expm1(-self.wound / length) * (length / self.wound)
         grown = np.maximum(1.0 - (1.0 - found["start_share"]) * decay, 1.0e-3)
-        return np.asarray(np.log(full * grown / self.area))
+        return np.asarray(full * grown / self.area)

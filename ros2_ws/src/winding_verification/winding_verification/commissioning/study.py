@@ -20,13 +20,12 @@ from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
 from winding_core.cable.condition import Condition
 from winding_core.helix import curve_length
-from winding_core.machine.drive import DriveProfile
 from winding_core.markers import is_wound
 from winding_study.commissioning.design import SEEN_AFTER, ranked
 from winding_study.commissioning.lay import CellLay
 from winding_study.commissioning.motion import LONGEST, MachineReach, Motion, candidates
 from winding_study.commissioning.posterior import CellPosterior, Measured, identify_cell
-from winding_study.commissioning.unknowns import COUNT, CellPrior, Coordinates, Numbers
+from winding_study.commissioning.unknowns import COUNT, CellPrior, Numbers, numbers_of
 from winding_verification.closed_loop.run import CameraErrors
 
 Array = NDArray[np.float64]
@@ -97,7 +96,7 @@ def commissioned_cell(seed: int) -> CommissionedCell:
     began = time.process_time()
     commissioned = identify_cell(runs[0][0], prior)
     cpu += time.process_time() - began
-    ahead = CellLay(config, following.inputs()).rod(commissioned.mean_numbers())
+    ahead = CellLay(config, following.inputs(), following).rod(commissioned.best)
     readings, truth = runs[2][0].readings, runs[2][1]
     used = readings.ids - 1
     radius = what.case.centreline_radius
@@ -116,8 +115,7 @@ def commissioned_cell(seed: int) -> CommissionedCell:
 
 def _drawn(config: WindingConfig, prior: CellPrior, rng: np.random.Generator) -> Numbers:
     unknowns = prior.unknowns(config)
-    coordinates = Coordinates(unknowns=unknowns, pull=1.0, area=1.0, wound=1.0)
-    hidden = coordinates.numbers(rng.standard_normal((1, COUNT)))
+    hidden = numbers_of(unknowns, rng.standard_normal((1, COUNT)))
     hidden["young_per_share"] = hidden["young"] / hidden["load_share"]
     hidden["drag_per_share"] = hidden["guide_drag"] / hidden["load_share"]
     return hidden
@@ -131,7 +129,7 @@ def _measured(
     Raises:
         SolverError, ValueError: The cable cannot be wound, or no marker lands.
     """
-    lay = CellLay(config, motion.inputs())
+    lay = CellLay(config, motion.inputs(), motion)
     wound = lay.rod_config(hidden)
     wound = dataclasses.replace(wound, segment_length=_FINER * wound.resolved.segment)
     inputs = lay.rod_inputs(hidden)
@@ -161,7 +159,7 @@ def _measured(
     )
     seen_inputs = motion.inputs()
     seen_inputs["tension"] += _LOAD_CELL * rng.standard_normal(seen_inputs.size)
-    return Measured(config=config, inputs=seen_inputs, readings=readings), (theta, z)
+    return Measured(config=config, inputs=seen_inputs, motion=motion, readings=readings), (theta, z)
 
 
 def study_text(cells: list[CommissionedCell]) -> str:
