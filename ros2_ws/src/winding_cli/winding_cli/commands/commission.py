@@ -13,7 +13,12 @@ import typer
 
 from winding_cli.run.configuration import configured
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import check_output_file, staged, write_json
+from winding_cli.terminal.output_path import (
+    check_output_file,
+    check_output_folder,
+    staged,
+    write_json,
+)
 from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.catalogue.cables import check_name
@@ -105,15 +110,16 @@ def commission(
     ] = False,
 ) -> None:
     """Wind one run that is chosen for what it tells, and write the cell and the cable found."""
+    for path, option in ((cell_file, "--cell-file"), (cable_file, "--cable-file")):
+        check_output_file(path, option, make_folder=True)
     with refused(ValueError):
         check_name(name)
         base = RunSpec.from_cell(cell, typed, spelled)
         _refuse_chosen(base)
+        check_output_folder(base.path("output"), "--output", new=True)
         planned = _planned(
             base, _prior(known), travel_mm, carriage_limit_mm_s, pull_limits_n, longest_s
         )
-    for path, option in ((cell_file, "--cell-file"), (cable_file, "--cable-file")):
-        check_output_file(path, option, make_folder=True)
     console = result_console()
     console.print(_design_table(planned.design), highlight=False)
     console.print(f"chosen: {planned.motion.sentence}", highlight=False, soft_wrap=True)
@@ -128,14 +134,13 @@ def commission(
 
 
 def _refuse_chosen(spec: RunSpec) -> None:
-    own = () if spec.external else _OF_DRIVE
-    for key in _CHOSEN:
-        drives = spec.external and key in _OF_DRIVE
-        if key in spec.source.typed and not drives and (key not in _OF_DRIVE or own):
-            raise ParameterError(
-                f"{spelled(key)} is not for a commissioning run, which chooses motion and pull itself "
-                "and finds what is unknown"
-            )
+    chosen = [key for key in _CHOSEN if not (spec.external and key in _OF_DRIVE)]
+    typed = [key for key in chosen if key in spec.source.typed]
+    if typed:
+        raise ParameterError(
+            f"{spelled(typed[0])} is not for a commissioning run, which chooses motion and pull "
+            "itself and finds what is unknown"
+        )
     if spec.solver.element != "rod":
         raise ParameterError(
             f"a cell is identified with the rod, not the element {spec.solver.element}"

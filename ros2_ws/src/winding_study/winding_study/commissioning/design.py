@@ -94,15 +94,15 @@ def ranked(
     asked = [k for k, item in enumerate(unknowns) if item.asked and not item.known]
     if known is None:
         rng = np.random.default_rng(2)
-        places = np.vstack([np.zeros(COUNT), 0.7 * rng.standard_normal((_CELLS - 1, COUNT))])
-        before = np.eye(COUNT)
+        places: Array = np.vstack([np.zeros(COUNT), 0.7 * rng.standard_normal((_CELLS - 1, COUNT))])
+        before: Array = np.eye(COUNT)
     else:
         places, before = known.deviates[None], known.covariance
     # What is known has no deviation to lose.
     held = np.array([item.known for item in unknowns])
     if known is not None:
         before = before + np.diag(np.where(held, 1.0, 1.0e-9))
-    prior_information = np.linalg.inv(before)
+    prior_information = np.asarray(np.linalg.inv(before), dtype=np.float64)
     rows = [
         _expected(config, motion, unknowns, asked, places, before, prior_information)
         for motion in motions

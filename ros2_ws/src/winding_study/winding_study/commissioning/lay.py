@@ -1,10 +1,10 @@
 """Where markers lie on many cells at once: tension, friction, law and lag in closed form.
 
 Cable lands with the span's tension F less EI l / (2 rho^2) for bending and follows the fleet-angle
-law with the lag L cos(phi) / rho, cos(phi) = 1 - EI l / (2 F rho^2). Friction then holds any tension
-whose logarithm changes along the cable by no more than mu a radian (capstan law): a span that pulls
-harder draws laid cable on, one that pulls less lets it come back. What elements and contact add is
-found by the rod, see `posterior`.
+law with the lag L cos(phi) / rho, cos(phi) = 1 - EI l / (2 F rho^2). Friction then holds any
+tension whose logarithm changes along the cable by no more than mu a radian (capstan law): a span
+that pulls harder draws laid cable on, one that pulls less lets it come back. What elements and
+contact add is found by the rod, see `posterior`.
 """
 
 from __future__ import annotations

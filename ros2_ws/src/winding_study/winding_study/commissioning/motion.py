@@ -145,8 +145,8 @@ def candidates(reach: MachineReach, sign: float = 1.0) -> Iterator[Motion]:
     if none:
         raise ParameterError(
             f"the limits allow no motion of {_FEWEST_TURNS:g} turns: {reach.longest:g} s at up to "
-            f"{reach.speeds[1]:g} rad/s, {1e3 * reach.travel:g} mm of travel, the carriage at up to "
-            f"{1e3 * reach.carriage_speed:g} mm/s, {1e3 * reach.clear:.3g} mm a turn at least"
+            f"{reach.speeds[1]:g} rad/s, {1e3 * reach.travel:g} mm of travel, the carriage at up "
+            f"to {1e3 * reach.carriage_speed:g} mm/s, {1e3 * reach.clear:.3g} mm a turn at least"
         )
 
 

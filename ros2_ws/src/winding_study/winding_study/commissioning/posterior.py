@@ -30,7 +30,7 @@ from winding_study.commissioning.unknowns import (
 # Of angles relative to themselves and as an offset [rad], of z relative and as an offset [m]: what
 # the closed form, corrected by the rod, still misses where the numbers are others than the rod's.
 ANGLE_SHARE, ANGLE_OFFSET = 1.0e-4, 0.5e-3
-Z_SHARE, Z_OFFSET = 0.3e-3, 0.03e-3
+Z_SHARE, Z_OFFSET = 0.3e-3, 0.05e-3
 # Of an element's angle times the change of the stretch where cable slips; of an element's advance,
 # and the angle [rad] over which that is forgotten. Rods of 0.8 times the element, 2 cells.
 SLIP_SHARE, START_SHARE, START_ANGLE = 0.5, 0.2, 8.0

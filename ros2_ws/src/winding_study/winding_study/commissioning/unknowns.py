@@ -82,7 +82,7 @@ class CellPrior:
     """
 
     rig: RigPrior = field(default_factory=RigPrior)
-    friction: tuple[float, float] = (0.06, 0.6)
+    friction: tuple[float, float] = (0.06, 2.0)
     law_share: tuple[float, float] = (0.0, 0.6)
     brake_friction: tuple[float, float] = (0.0, 0.05)
     eye: float = 3.0e-4
@@ -120,8 +120,9 @@ class CellPrior:
         )  # fmt: skip
 
 
-NAMES = tuple(
-    ["young", "law_share", "friction", "free_length", "load_share", "guide_drag", "start_share", "build_up_length", "brake_friction", "eye", "camera_scale"]
+NAMES = (
+    *("young", "law_share", "friction", "free_length", "load_share", "guide_drag"),
+    *("start_share", "build_up_length", "brake_friction", "eye", "camera_scale"),
 )
 COUNT = len(NAMES)
 Numbers = dict[str, Array]
@@ -184,7 +185,8 @@ class Coordinates:
         """Return the coordinates of the middle of the prior, shape (COUNT,)."""
         u = np.zeros((1, COUNT))
         u[0, 0] = math.log(float(self._landed(self.numbers(u))[0]) / self._young[0])
-        return u[0]
+        first: Array = u[0]
+        return first
 
     @property
     def _young(self) -> tuple[float, float]:
