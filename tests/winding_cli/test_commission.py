@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from in_process import winding
-from processes import COMMAND, PATIENCE
 
+from processes import COMMAND, PATIENCE
 from winding_core.catalogue.cables import read_cable
 from winding_core.run_spec import RunSpec
 
