@@ -74,7 +74,8 @@ class Motion:
 
     Attributes:
         angles: Cylinder angles of the pull's corners [rad], ascending from 0.
-        pulls: The pull there [N], straight lines between; one alone is not commanded.
+        pulls: The pull there [N], straight lines between, the weight's at 0; one alone is not
+            commanded.
     """
 
     name: str
@@ -194,14 +195,14 @@ def _pulls(
         ),
     }  # fmt: skip
     for name, parts in levels.items():
-        angles, pulls, begin = [0.0], [parts[0][0]], 0.0
+        angles, pulls, begin = [0.0], [reach.weight], 0.0
         for level, until in parts:
-            if begin > 0.0:
-                angles.append(begin + _STEP_WAY)
-                pulls.append(level)
+            angles.append(begin + _STEP_WAY)
+            pulls.append(level)
             angles.append(until)
             pulls.append(level)
             begin = until
         yield name, tuple(angles), tuple(pulls)
-    yield "rising", (0.0, end), (low, high)
-    yield "falling", (0.0, end), (high, low)
+    # Before the first command the weight pulls.
+    yield "rising", (0.0, _STEP_WAY, end), (reach.weight, low, high)
+    yield "falling", (0.0, _STEP_WAY, end), (reach.weight, high, low)
