@@ -27,8 +27,7 @@ SUMMARIES = {
         "Identify the cable's material from tracked markers by inverse winding, or from a test."
     ),
     "commission": (
-        "Wind one run that is chosen for what it tells, and write the cell and the cable that it "
-        "found."
+        "Wind one run that is chosen for what it tells, and write the cell and the cable found."
     ),
     "runs": "List, show and compare the runs of a folder, and report what drifts over them.",
     "study": "Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models.",

@@ -69,8 +69,8 @@ class Plan:
     """A run that is designed, before anything moves."""
 
     config: WindingConfig  # Of the cell as it is known
-    prior: CellPrior
-    reach: MachineReach
+    prior: CellPrior  # What was known
+    reach: MachineReach  # Of the machine
     design: list[Expected]  # Every motion, the most telling first
 
     @property

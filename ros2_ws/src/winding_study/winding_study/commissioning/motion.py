@@ -78,8 +78,8 @@ class Motion:
             commanded.
     """
 
-    name: str
-    drive: DriveProfile
+    name: str  # Of the pull's course
+    drive: DriveProfile  # Of both axes
     duration: float  # [s]
     angles: tuple[float, ...] = (0.0,)
     pulls: tuple[float, ...]
@@ -125,7 +125,7 @@ def candidates(reach: MachineReach, sign: float = 1.0) -> Iterator[Motion]:
 
     Args:
         reach: The limits.
-        sign: Of the feed.
+        sign: Of the feed, 1 or -1, dimensionless.
 
     Raises:
         ParameterError: The limits allow no motion of two turns.

@@ -61,16 +61,16 @@ class Measured:
 class Found:
     """One number, before and after the run."""
 
-    name: str
-    words: str
-    unit: float
-    mean: float
-    deviation: float
+    name: str  # As in every table of numbers
+    words: str  # What it is, with its printed unit
+    unit: float  # One of these in SI
+    mean: float  # Of the posterior
+    deviation: float  # Standard deviation of the posterior
     low: float  # 5 % of the posterior lie below
     high: float  # 5 % lie above
     prior_low: float  # 5 % of the prior lie below
-    prior_high: float
-    prior_deviation: float
+    prior_high: float  # 5 % lie above
+    prior_deviation: float  # Standard deviation of the prior
 
     @property
     def half_width_90(self) -> float:
@@ -95,7 +95,7 @@ class CellPosterior:
         found: What was looked for, and combinations that do not depend on what hides behind what.
     """
 
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[Unknown, ...]  # In the order of the deviates
     draws: dict[str, Array]
     weights: Array
     best: Numbers
@@ -105,7 +105,7 @@ class CellPosterior:
     chi_square: float  # Of the residuals, prior included
     measured: int  # How many numbers were measured
     misfit: float  # Factor by which all deviations were widened, 1 for none
-    rod_calls: int
+    rod_calls: int  # How often the rod was wound
 
     @property
     def effective(self) -> float:
@@ -156,6 +156,7 @@ class Whitened:
 
         Raises:
             SolverError, ValueError: The rod fails.
+            IdentificationError: A used marker does not land on it.
         """
         plain = {**numbers, "eye": np.zeros(1), "camera_scale": np.zeros(1)}
         rod, closed = self._lay.rod(plain), self._lay(plain)

@@ -146,7 +146,7 @@ class Coordinates:
     deviates of the prior.
     """
 
-    unknowns: tuple[Unknown, ...]
+    unknowns: tuple[Unknown, ...]  # In the order of the coordinates
     pull: float  # Mean pull of the run [N]
     area: float  # That carries it [m^2]
     wound: float  # Length of cable on the cylinder in the end [m]

@@ -47,18 +47,25 @@ _DRAWS = 20
 class CommissionedCell:
     """What came of one hidden cell."""
 
-    seed: int
-    case: int
+    seed: int  # Of everything hidden
+    case: int  # Row of Table 1
     motion: str  # That was chosen
     hidden: dict[str, float]  # By name
-    commissioned: CellPosterior
-    plain: CellPosterior
+    commissioned: CellPosterior  # After the chosen run
+    plain: CellPosterior  # After a run of the same length as in the paper
     missed: Array  # Of the next run's lengths, relative, shape (m,)
     cpu: float  # Of design and fit [s]
 
 
 def commissioned_cell(seed: int) -> CommissionedCell:
-    """Draw a cell, choose a motion, wind, identify, and predict another run."""
+    """Draw a cell, choose a motion, wind, identify, and predict another run.
+
+    Args:
+        seed: Of cell and noise; its case is 1 + seed mod 12.
+
+    Raises:
+        IdentificationError: No cell that was drawn can be wound.
+    """
     rng = np.random.default_rng((seed, 31))
     case = 1 + seed % 12
     what = Condition(case=case, law="neo_hookean", markers=_MARKERS).resolved()
