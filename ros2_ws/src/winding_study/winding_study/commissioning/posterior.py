@@ -1,7 +1,7 @@
 """The posterior of a cell's numbers: one least squares over a run, its draws, what it determines.
 
-The closed form gives way and slope; what the rod adds is found at the optimum and added to it until
-that stands still, as in `cable_fem_node.identification.search`.
+The closed form gives the way; what the rod adds is found at the optimum, with its slopes, and added
+until that stands still, as in `cable_fem_node.identification.search`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ Z_SHARE, Z_OFFSET = 0.3e-3, 0.05e-3
 # and the angle [rad] over which that is forgotten. Rods of 0.8 times the element, 2 cells.
 SLIP_SHARE, START_SHARE, START_ANGLE = 0.5, 0.2, 8.0
 _PROBE = 1.0e-3
-_STEPS, _ROD_CALLS = 40, 4
+# The rod is wound at so many optima at most; its slopes are found at this one. Its elements are
+# seen in steps that are shorter.
+_STEPS, _ROD_CALLS, _FIRST, _ROD_STEPS = 40, 5, 1, (0.1, 0.5)
+_EXACT = ("load_share", "eye", "camera_scale")
 # The search ends where the rod moves it by less than this share of a deviation.
 _SETTLED = 0.2
 _FREEDOM = 12.0
@@ -125,48 +128,75 @@ class CellPosterior:
 class Whitened:
     """Residuals of one run's markers, standard normal each, for many cells at once.
 
+    What the rod adds to the closed form is a line in the coordinates of the search: known at one
+    cell, with its slopes by forward differences of the rod.
+
     Args:
         lay: The closed form of the run's motion.
         readings: Where markers lie.
-        numbers: Of a cell to begin with, shape (1,) each.
+        coordinates: Of the search.
+        u: Where it begins, shape (COUNT,).
     """
 
-    def __init__(self, lay: CellLay, readings: Readings, numbers: Numbers) -> None:
+    def __init__(
+        self, lay: CellLay, readings: Readings, coordinates: Coordinates, u: Array
+    ) -> None:
         self._lay, self._used = lay, readings.ids - 1
+        self._coordinates, self._readings = coordinates, readings
         self.measured = np.concatenate([readings.theta, readings.z])
-        self._readings = readings
-        self.white = whitening(readings, lay, numbers)
-        self.excess = np.zeros(self.measured.size)
+        self.white = whitening(readings, lay, coordinates.numbers(u[None]))
+        self._at, self._excess = u, np.zeros(self.measured.size)
+        self._slopes = np.zeros((COUNT, self.measured.size))
+        self.rod_calls = 0
 
     def predicted(self, places: Places) -> Array:
         """Return theta and z of the used markers, shape (n, 2 m); one that never lands is far."""
         rows = np.hstack([places.theta[:, self._used], places.z[:, self._used]])
-        far = np.concatenate(
-            [np.full(self._used.size, 1.5 * self._lay.end), np.zeros(self._used.size)]
-        )
+        count = self._used.size
+        far = np.concatenate([np.full(count, 1.5 * self._lay.end), np.zeros(count)])
         return np.where(np.isnan(rows), far, rows)
 
-    def residuals(self, numbers: dict[str, Array]) -> Array:
-        """Return residuals, shape (n, 2 m)."""
-        off = self.predicted(self._lay(numbers)) + self.excess - self.measured
-        return np.asarray(off @ self.white.T)
+    def residuals(self, u: Array, numbers: Numbers) -> Array:
+        """Return residuals, shape (n, 2 m), at coordinates, shape (n, COUNT)."""
+        off = self.predicted(self._lay(numbers)) + self._excess - self.measured
+        return np.asarray((off + (u - self._at) @ self._slopes) @ self.white.T)
 
-    def learn_excess(self, numbers: dict[str, Array]) -> None:
-        """Find what the rod adds to the closed form at one cell.
+    def learn_excess(self, u: Array) -> None:
+        """Find what the rod adds to the closed form at one cell, coordinates of shape (COUNT,).
 
         Raises:
             SolverError, ValueError: The rod fails.
             IdentificationError: A used marker does not land on it.
         """
+        self._excess, self._at = self._added(u), u
+        numbers = self._coordinates.numbers(u[None])
+        self.white = whitening(self._readings, self._lay, numbers)
+
+    def learn_slopes(self, deviations: Array) -> None:
+        """Find how that changes along every coordinate, over about a deviation of each, (COUNT,).
+
+        Raises:
+            SolverError, ValueError: The rod fails.
+            IdentificationError: A used marker does not land on it.
+        """
+        for k, item in enumerate(self._coordinates.unknowns):
+            # The load share alone changes nothing, see `Coordinates`; eye and camera are exact.
+            if item.known or item.name in _EXACT:
+                continue
+            step = float(np.clip(deviations[k], *_ROD_STEPS))
+            aside = self._at.copy()
+            aside[k] += step if aside[k] < 0.0 else -step
+            self._slopes[k] = (self._added(aside) - self._excess) / (aside[k] - self._at[k])
+
+    def _added(self, u: Array) -> Array:
+        numbers = self._coordinates.numbers(u[None])
         plain = {**numbers, "eye": np.zeros(1), "camera_scale": np.zeros(1)}
         rod, closed = self._lay.rod(plain), self._lay(plain)
-        known = np.isfinite(rod.theta + closed.theta)
-        if not known[:, self._used].all():
-            raise IdentificationError(
-                "a used marker does not land on the rod with the best numbers"
-            )
-        self.excess = (self.predicted(rod) - self.predicted(closed))[0]
-        self.white = whitening(self._readings, self._lay, numbers)
+        self.rod_calls += 1
+        if not np.isfinite(rod.theta + closed.theta)[:, self._used].all():
+            raise IdentificationError("a used marker does not land on the rod")
+        found: Array = (self.predicted(rod) - self.predicted(closed))[0]
+        return found
 
 
 def whitening(readings: Readings, lay: CellLay, numbers: Numbers) -> Array:
@@ -218,21 +248,21 @@ def identify_cell(
         wound=lay.wound,
     )
     u = coordinates.start()
-    markers = Whitened(lay, run.readings, coordinates.numbers(u[None]))
-    information = np.eye(COUNT)
-    calls = 0
-    for calls in range(_ROD_CALLS + 1):
-        before = u
-        u, information, cost = _best(markers, coordinates, u)
-        moved = before - u
-        if calls > 0 and float(moved @ information @ moved) < _SETTLED**2 * COUNT:
-            break
-        if calls == _ROD_CALLS:
-            break
-        try:
-            markers.learn_excess(coordinates.numbers(u[None]))
-        except (SolverError, ValueError) as error:
-            raise IdentificationError(f"the rod cannot wind the best cell: {error}") from error
+    markers = Whitened(lay, run.readings, coordinates, u)
+    information, cost = np.eye(COUNT), math.inf
+    try:
+        for attempt in range(_ROD_CALLS + 1):
+            before = u
+            u, information, cost = _best(markers, coordinates, u)
+            moved = before - u
+            if attempt > _FIRST and float(moved @ information @ moved) < _SETTLED**2 * COUNT:
+                break
+            if attempt < _ROD_CALLS:
+                markers.learn_excess(u)
+            if attempt == _FIRST:
+                markers.learn_slopes(np.sqrt(np.diag(np.linalg.inv(information))))
+    except (SolverError, ValueError) as error:
+        raise IdentificationError(f"the rod cannot wind the best cell: {error}") from error
     measured = markers.measured.size
     squares = 2.0 * cost
     misfit = 1.0
@@ -254,7 +284,7 @@ def identify_cell(
         chi_square=squares,
         measured=measured,
         misfit=misfit,
-        rod_calls=calls,
+        rod_calls=markers.rod_calls,
     )
 
 
@@ -262,7 +292,7 @@ def _residuals(markers: Whitened, coordinates: Coordinates, u: Array) -> tuple[A
     """Return residuals of markers and prior, and what else ln of the prior density has."""
     numbers = coordinates.numbers(u)
     prior, more = coordinates.prior(u, numbers)
-    return np.hstack([markers.residuals(numbers), prior]), more
+    return np.hstack([markers.residuals(u, numbers), prior]), more
 
 
 def _best(markers: Whitened, coordinates: Coordinates, u: Array) -> tuple[Array, Array, float]:
