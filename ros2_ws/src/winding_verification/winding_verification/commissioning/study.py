@@ -184,7 +184,8 @@ def study_text(cells: list[CommissionedCell]) -> str:
         share = [one.deviation / one.prior_deviation for one in found]
         line = (
             f"{name:16s} inside 90 %: {np.mean(inside):.1%}; deviation over the prior's: median "
-            f"{np.median(share):.3f}; unobservable in {np.mean([not f.observed for f in found]):.0%}"
+            f"{np.median(share):.3f}; unobservable in "
+            f"{np.mean([not one.observed for one in found]):.0%}"
         )
         ratio = [
             one.half_width_90 / cell.plain.of(name).half_width_90
