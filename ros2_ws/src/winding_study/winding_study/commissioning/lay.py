@@ -20,12 +20,14 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import is_wound
-from winding_core.run_inputs import Inputs
+from winding_core.run_inputs import Inputs, continued_inputs
 from winding_study.commissioning.motion import Motion
 from winding_study.commissioning.unknowns import Array, Numbers
 
 # Between two places of the grid [rad]: against half of it no angle moved by 0.3 mrad.
 _STEP = 0.2
+# The motion goes on so far over its end.
+_BEYOND = 1.08
 # The pull is averaged over so much to either side [rad]: a load cell is noisy.
 _AVERAGED = 0.3
 # Slip reaches no further back than this [rad]: at a friction of 0.06 that is a ratio of 6.
@@ -59,16 +61,18 @@ class CellLay:
 
     def __init__(self, config: WindingConfig, inputs: Inputs, motion: Motion) -> None:
         case = config.case
-        self.config, self.inputs = config, inputs
+        self.config = config
         self.arc = case.marker_spacing * np.arange(1, case.marker_count + 1)
-        forward = turning(inputs)
-        self.end = float(forward["cylinder_angle"][-1])
-        count = max(8, math.ceil(self.end / _STEP))
-        self._theta = np.linspace(0.0, self.end, count + 1)
+        self.end = float(inputs["cylinder_angle"].max())
+        # What lands late on one cell has landed on another.
+        reach = _BEYOND * self.end
+        self.inputs = continued_inputs(inputs, reach)
+        forward = turning(self.inputs)
+        self._theta = np.linspace(0.0, reach, max(8, math.ceil(reach / _STEP)) + 1)
         self._guide = np.interp(
             self._theta, forward["cylinder_angle"], forward["carriage_position"]
         )
-        self.advance = float(self._guide[-1] - self._guide[0]) / self.end  # [m/rad]
+        self.advance = float(self._guide[-1] - self._guide[0]) / reach  # [m/rad]
         self.pull = _averaged(self._theta, forward["cylinder_angle"], forward["tension"])
         self._commanded = motion.pull_at(self._theta)
         self._bend = 0.5 * case.bending_stiffness / (case.material.young * case.axial_area)

@@ -153,7 +153,7 @@ class Whitened:
         """Return theta and z of the used markers, shape (n, 2 m); one that never lands is far."""
         rows = np.hstack([places.theta[:, self._used], places.z[:, self._used]])
         count = self._used.size
-        far = np.concatenate([np.full(count, 1.5 * self._lay.end), np.zeros(count)])
+        far = np.concatenate([np.full(count, 2.0 * self._lay.end), np.zeros(count)])
         return np.where(np.isnan(rows), far, rows)
 
     def residuals(self, u: Array, numbers: Numbers) -> Array:
