@@ -141,6 +141,7 @@ def _measured(
     wound = lay.rod_config(hidden)
     wound = dataclasses.replace(wound, segment_length=_FINER * wound.resolved.segment)
     inputs = lay.rod_inputs(hidden)
+    inputs = inputs[inputs["t"] <= motion.duration]
     # The eye stands beside its place on the carriage from the first turn on.
     eye = float(hidden["eye"][0])
     inputs["carriage_position"] += eye * np.minimum(inputs["cylinder_angle"] / 0.5, 1.0)
