@@ -37,12 +37,17 @@ if TYPE_CHECKING:
     from winding_supervisor.session.run_config import RunConfig
 
 _FULL_TURN = 2.0 * math.pi
-# What the machine does is chosen; what is known of the tension is looked for.
+# What the machine does is chosen, and what is known of the tension is looked for: a cell file may
+# hold these for other runs.
 _CHOSEN = (
-    *("feed_mm_s", "omega_rad_s", "duration_s", "turns", "wound_length_mm", "dashboard", "attach"),
-    *("control", "program", "pitch_mm", "markers_every_turn", "brake", "layers", "length_m"),
+    *("feed_mm_s", "omega_rad_s", "duration_s", "turns", "wound_length_mm"),
     *("tension_share", "tension_offset_n", "tension_diameter_gain_n", "tension_start_share"),
-    *("tension_build_up_mm", "prony", "secure"),
+    "tension_build_up_mm",
+)
+# What such a run cannot have.
+_EXCLUDED = (
+    *("control", "program", "pitch_mm", "markers_every_turn", "brake", "layers", "length_m"),
+    *("prony", "dashboard", "attach", "secure"),
 )
 _OF_DRIVE = ("feed_mm_s", "omega_rad_s")
 # Pulls that the simulated machine's brake is asked for, as shares of the weight.
@@ -136,9 +141,10 @@ def commission(
 def _refuse_chosen(spec: RunSpec) -> None:
     chosen = [key for key in _CHOSEN if not (spec.external and key in _OF_DRIVE)]
     typed = [key for key in chosen if key in spec.source.typed]
+    typed += [key for key in _EXCLUDED if spec.given.get(key)]
     if typed:
         raise ParameterError(
-            f"{spelled(typed[0])} is not for a commissioning run, which chooses motion and pull "
+            f"{spec.source.name(typed[0])} is not for a commissioning run, which chooses motion and pull "
             "itself and finds what is unknown"
         )
     if spec.solver.element != "rod":
