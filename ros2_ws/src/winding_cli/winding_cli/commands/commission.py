@@ -144,8 +144,8 @@ def _refuse_chosen(spec: RunSpec) -> None:
     typed += [key for key in _EXCLUDED if spec.given.get(key)]
     if typed:
         raise ParameterError(
-            f"{spec.source.name(typed[0])} is not for a commissioning run, which chooses motion and pull "
-            "itself and finds what is unknown"
+            f"{spec.source.name(typed[0])} is not for a commissioning run, which chooses motion "
+            "and pull itself and finds what is unknown"
         )
     if spec.solver.element != "rod":
         raise ParameterError(
