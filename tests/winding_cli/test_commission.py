@@ -83,8 +83,8 @@ def test_a_real_run_leaves_a_cell_and_a_cable(tmp_path: Path) -> None:
     spec = RunSpec.from_cell(None, {"cable": str(run / "hose.yaml")})
     assert spec.condition.law == "mooney_rivlin"
     assert "90 % intervals" in text
-    # The rod's lag is 1 to 3 % shorter than that of the simulated machine (docs/lay-control.md).
-    assert numbers["free_length"]["mean"] == pytest.approx(hidden["free_length"], rel=0.08)
+    # The rod's lag is not that of the simulated machine: 7 % were seen (docs/commissioning.md).
+    assert numbers["free_length"]["mean"] == pytest.approx(hidden["free_length"], rel=0.1)
     # Modulus and rig of the simulated machine, within four deviations.
     truth = {
         "young_per_share": 2.6e6 / hidden["load_share"],
