@@ -138,6 +138,7 @@ def test_a_commanded_pull_is_expected_to_tell_more_than_an_even_one() -> None:
     assert all(0.0 < share <= 1.001 for row in rows for share in row.share.values())
 
 
+@pytest.mark.slow
 def test_the_posterior_holds_the_cell_that_was_wound(stepped: CellPosterior) -> None:
     assert stepped.misfit == 1.0
     for name in ("friction", "free_length", "start_share", "young"):
@@ -147,6 +148,7 @@ def test_the_posterior_holds_the_cell_that_was_wound(stepped: CellPosterior) -> 
         assert item.deviation < item.prior_deviation
 
 
+@pytest.mark.slow
 def test_steps_of_the_pull_tell_friction_and_drag_apart(
     stepped: CellPosterior, even: CellPosterior
 ) -> None:
@@ -154,6 +156,7 @@ def test_steps_of_the_pull_tell_friction_and_drag_apart(
         assert stepped.of(name).half_width_90 < 0.5 * even.of(name).half_width_90, name
 
 
+@pytest.mark.slow
 def test_what_an_even_pull_does_not_tell_is_named(even: CellPosterior) -> None:
     assert {"guide_drag", "load_share", "law_share"} <= set(even.unobservable)
     sentences = " ".join(remarks(even, ranked(CONFIG, MOTIONS.values(), PRIOR, even)))
@@ -161,10 +164,12 @@ def test_what_an_even_pull_does_not_tell_is_named(even: CellPosterior) -> None:
     assert "the next run that tells most" in sentences
 
 
+@pytest.mark.slow
 def test_after_an_even_run_the_next_commands_the_pull(even: CellPosterior) -> None:
     assert ranked(CONFIG, MOTIONS.values(), PRIOR, even)[0].motion.commands_pull
 
 
+@pytest.mark.slow
 def test_the_files_hold_what_was_found(stepped: CellPosterior, tmp_path: Path) -> None:
     spec = RunSpec.from_cell(None, {"case": 4, "law": "neo_hookean", "feed_mm_s": 7.0})
     file = tmp_path / "hose.yaml"
