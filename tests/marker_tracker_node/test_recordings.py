@@ -22,7 +22,7 @@ from marker_tracker_node.camera.frame_sources import (
 )
 from marker_tracker_node.camera.image_formats import PixelReader
 from marker_tracker_node.camera.recordings import Motion, RecordingError, read_motion
-from winding_cli.commands.render import render
+from winding_cli.commands.camera import render
 from winding_cli.commands.track import track
 
 STORE = get_typestore(Stores.ROS2_JAZZY)

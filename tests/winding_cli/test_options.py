@@ -16,10 +16,10 @@ import typer
 from in_process import winding
 
 from winding_cli.app import SUMMARIES, app
+from winding_cli.commands.camera import render
 from winding_cli.commands.identify import identify
 from winding_cli.commands.plan import plan
 from winding_cli.commands.predict import predict
-from winding_cli.commands.render import render
 from winding_cli.commands.run import run
 from winding_cli.commands.track import track
 from winding_core.cable.condition import Condition

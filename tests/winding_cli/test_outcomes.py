@@ -37,6 +37,7 @@ REFUSED = {
     "plan --case 9": "say once what is wanted",
     "sweep nowhere.yaml": "nowhere.yaml",
     "identify nowhere.csv --case 9": "nowhere.csv does not exist",
+    "commission --case 4 --travel-mm 5 --plan": "the limits allow no motion of 2 turns",
     "study --cases 14": "rows 1 to 12",
     "train --model oracle": "--model",
     "render film --fps 0": "--fps",

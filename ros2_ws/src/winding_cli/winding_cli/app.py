@@ -26,6 +26,9 @@ SUMMARIES = {
     "identify": (
         "Identify the cable's material from tracked markers by inverse winding, or from a test."
     ),
+    "commission": (
+        "Wind one run that is chosen for what it tells, and write the cell and the cable found."
+    ),
     "runs": "List, show and compare the runs of a folder, and report what drifts over them.",
     "study": "Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models.",
     "train": (
@@ -44,7 +47,7 @@ SUMMARIES = {
 }
 
 # Module of a command that does not have one of its own name.
-_MODULES = {"board": "camera", "calibrate": "camera", "health": "graph"}
+_MODULES = {"render": "camera", "board": "camera", "calibrate": "camera", "health": "graph"}
 
 
 def _installed() -> dict[str, EntryPoint]:

@@ -1,7 +1,9 @@
-"""`winding board`, `winding calibrate`: the board to print, a camera file from its pictures."""
+"""`winding render`, `winding board`, `winding calibrate`: what a camera sees, and its file."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -9,14 +11,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from winding_cli.terminal.console import busy
-from winding_cli.terminal.output_path import Force, check_output_file, staged
+from winding_cli.terminal.output_path import (
+    Force,
+    check_output_file,
+    check_output_folder,
+    staged,
+)
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import refuse, refused
+from winding_core.markers import DOT, MarkerLook
 from winding_core.parameters import build, parameter, typed_values
 from winding_core.units import LENGTH, MILLIMETRE, PLAIN
 
 if TYPE_CHECKING:
     from marker_tracker_node.camera.calibration import Board
+    from winding_rig_node.camera import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,3 +110,83 @@ def calibrate(
         f"{result.views} views ({result.refused} without a board), residual "
         f"{result.residual:.3f} px, focal {result.camera.k[0, 0]:.2f} px, written to {out}"
     )
+
+
+@with_options(MarkerLook)
+def render(
+    markers: Typed,
+    *,
+    folder: Annotated[Path, typer.Argument(help="Where pictures and truth go.")],
+    case: Annotated[int, typer.Option(help="Row of the paper's Table 1 (1 to 12).")] = 4,
+    fps: Annotated[float, typer.Option(help="Frames per second.")] = 50.0,
+    start_s: Annotated[float, typer.Option(help="First instant of the run, in seconds.")] = 0.0,
+    duration_s: Annotated[float, typer.Option(help="Length of the film in seconds.")] = 20.0,
+    full: Annotated[
+        bool, typer.Option("--full/--window", help="1920x1080, or 640x96 as the rig streams it.")
+    ] = False,
+    noise: Annotated[float, typer.Option(help="Read noise in grey levels.")] = 1.5,
+    bayer: Annotated[bool, typer.Option("--bayer", help="One colour per pixel.")] = False,
+    seed: Annotated[int, typer.Option(help="Of the noise.")] = 1,
+    force: Force = False,
+) -> None:
+    """Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml."""
+    import numpy as np
+
+    from winding_core.cable.cases import paper_case
+    from winding_core.helix import PAPER_FREE_LENGTH
+    from winding_core.machine.drive import DriveProfile
+    from winding_rig_node.camera import (
+        CablePath,
+        CameraConfig,
+        Paint,
+        Renderer,
+        Scene,
+        SensorNoise,
+        paint_of_hue,
+    )
+    from winding_rig_node.camera.pictures import write_sequence
+    from winding_rig_node.lay.known_lay import published_lay
+
+    for option, number in (("--fps", fps), ("--duration-s", duration_s)):
+        if not 0.0 < number < math.inf:
+            refuse(f"{option} must be positive and finite, got {number:g}")
+    for option, number in (("--start-s", start_s), ("--noise", noise)):
+        if not 0.0 <= number < math.inf:
+            refuse(f"{option} must be finite and not negative, got {number:g}")
+    check_output_folder(folder, force=force)
+    with refused(ValueError):
+        wound, drive = paper_case(case), DriveProfile()
+        end = drive.positions(start_s + duration_s)[0]
+        lay = published_lay(wound, drive, PAPER_FREE_LENGTH, end)
+        path = CablePath(theta=lay.path_theta, z=lay.path_z)
+        config = CameraConfig(noise=SensorNoise(read=noise), bayer=bayer)
+        renderer = Renderer(config.full_frame() if full else config)
+        look = build(MarkerLook, typed_values(MarkerLook, markers, spelled), owner="winding render")
+        paint = Paint(markers=tuple(paint_of_hue(hue) for hue in look.hues))
+
+    def instants() -> Iterator[tuple[float, Scene]]:
+        for k in range(count):
+            show(completed=k)
+            t = start_s + k / fps
+            angle, guide = drive.positions(t)
+            yield (
+                t,
+                Scene(
+                    cylinder_radius=wound.cylinder_radius,
+                    cable_radius=wound.cable_radius,
+                    cylinder_angle=angle,
+                    path=path,
+                    marker_theta=lay.marker_theta,
+                    guide_z=guide,
+                    free_length=PAPER_FREE_LENGTH,
+                    cylinder_speed=drive.speeds(t)[0],
+                    band_width=look.band_width,
+                    dot_size=look.dot_size if look.marker_kind == DOT else 0.0,
+                    paint=paint,
+                ),
+            )
+
+    count = round(duration_s * fps)
+    with staged(folder) as place, busy("drawing frames", total=count) as show:
+        count = write_sequence(place, renderer, instants(), np.random.default_rng(seed))
+    print(f"{count} frames of case {case} in {folder}")

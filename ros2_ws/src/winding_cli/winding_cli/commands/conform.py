@@ -55,7 +55,7 @@ def conform(
     with joined(domain) as place, refused(ValueError, code=FAILED):
         try:
             findings, commanded = asyncio.run(
-                _probe(
+                probed(
                     namespace,
                     camera=camera,
                     axes=known,
@@ -85,7 +85,7 @@ def conform(
         raise typer.Exit(FAILED)
 
 
-async def _probe(
+async def probed(
     namespace: str,
     *,
     camera: bool,

@@ -15,7 +15,7 @@ from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.parameters import typed_values
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE
-from winding_study.identification.rig_prior import RigPriorParameters
+from winding_study.identification.rig_prior import RigPriorParameters, prior_ranges
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
@@ -133,10 +133,7 @@ def _first(runs: list[TrackedRun], use: int | None) -> list[TrackedRun]:
 def _prior(known_tension: bool, known: Typed, fixing_mm: float, scatter_mm: float) -> RigPrior:
     from cable_fem_node.identification import KNOWN_TENSION, RigPrior
 
-    values: dict[str, Any] = typed_values(RigPriorParameters, known, spelled)
-    ranges: dict[str, Any] = {
-        name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
-    }
+    ranges = prior_ranges(typed_values(RigPriorParameters, known, spelled))
     return dataclasses.replace(
         KNOWN_TENSION if known_tension else RigPrior(),
         fixing=fixing_mm * MILLIMETRE,

@@ -57,7 +57,7 @@ def _explained(declared: Mapping[str, Declaration]) -> str:
     )
 
 
-@with_options_of_run
+@with_options_of_run()
 def run(
     typed: Typed,
     *,

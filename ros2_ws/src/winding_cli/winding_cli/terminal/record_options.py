@@ -78,26 +78,22 @@ def with_options(*records: type) -> Callable[[Callable[..., None]], Callable[...
         records: Declare parameters. The command takes what was typed of each, without what was
             not typed, as its first arguments; its other arguments stay as they are.
     """
-    return with_declared(
-        *(
-            {
-                key: _annotation(key, item, PANEL_OF_RECORD.get(record.__name__))
-                for key, item in options(record).items()
-            }
-            for record in records
-        )
-    )
+    return with_declared(*map(_annotated, records))
 
 
-def with_options_of_run(command: Callable[..., None]) -> Callable[..., None]:
-    """Let a command take every option of a run, as one argument."""
-    return with_declared(
-        {
-            key: _annotation(key, item)
-            for declared in OPTIONS.values()
-            for key, item in declared.items()
-        }
-    )(command)
+def with_options_of_run(*records: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Let a command take every option of a run, as one argument, and those of further records."""
+    of_run = {
+        key: _annotation(key, item)
+        for declared in OPTIONS.values()
+        for key, item in declared.items()
+    }
+    return with_declared(of_run, *map(_annotated, records))
+
+
+def _annotated(record: type) -> dict[str, Any]:
+    panel = PANEL_OF_RECORD.get(record.__name__)
+    return {key: _annotation(key, item, panel) for key, item in options(record).items()}
 
 
 def with_declared(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from winding_core.parameters import parameter
 from winding_core.units import FORCE, LENGTH, PLAIN
@@ -46,3 +48,10 @@ class RigPriorParameters:
         [0.03, 0.6], "range of the wound length over which the tension builds up", LENGTH, 1.0e-4,
         _LONGEST, option="prior_build_up",
     )  # fmt: skip
+
+
+def prior_ranges(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return fields of `RigPrior` of options that were given."""
+    return {
+        name: tuple(value) if isinstance(value, list) else value for name, value in values.items()
+    }

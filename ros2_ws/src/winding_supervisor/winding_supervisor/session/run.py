@@ -22,6 +22,7 @@ from winding_supervisor.session.dashboard_process import DashboardProcess, outli
 from winding_supervisor.session.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.session.interruption import Interruption, ended_if_stuck, run_closing
 from winding_supervisor.session.participants import Participants
+from winding_supervisor.session.pull_programme import PullProgramme
 from winding_supervisor.session.rest import Rest
 from winding_supervisor.session.rig_conduct import RigConduct
 from winding_supervisor.session.run_config import (
@@ -188,6 +189,10 @@ class Run:
         await stack.enter_async_context(supervisor.beating())
         # Before the page: what it offers may be pressed as soon as it is served.
         await machine.ready()
+        if config.pulls:
+            pulls = PullProgramme(client, recorder.buffer, config.pulls)
+            await pulls.taken()
+            await stack.enter_async_context(pulls.followed())
         if page is not None:
             await page.start()
             report(

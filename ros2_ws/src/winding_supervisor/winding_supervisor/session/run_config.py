@@ -50,6 +50,8 @@ class RunConfig:
     page: Mapping[str, object] | None = None
     notes: Mapping[str, str] = field(default_factory=dict)  # Texts of its recordings, by name
     attended: bool = False  # Whether an operator sits at the terminal
+    # Cylinder angle [rad] and pull [N] of each corner of what is commanded of the brake
+    pulls: tuple[tuple[float, float], ...] = ()
 
     @property
     def log_directory(self) -> Path:

@@ -1,0 +1,369 @@
+"""`winding commission`: one run that is chosen for what it tells of cable and machine."""
+
+from __future__ import annotations
+
+import asyncio
+import dataclasses
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from winding_cli.run.configuration import configured
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
+from winding_cli.terminal.output_path import (
+    check_output_file,
+    check_output_folder,
+    staged,
+    write_json,
+)
+from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
+from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_core.catalogue.cables import check_name
+from winding_core.parameters import ParameterError, typed_values
+from winding_core.run_spec import RunSpec
+from winding_core.units import MILLIMETRE
+from winding_study.identification.rig_prior import RigPriorParameters, prior_ranges
+
+if TYPE_CHECKING:
+    from cable_fem_node.winding.winding_config import WindingConfig
+    from winding_cli.run.delivery import RunDelivery
+    from winding_recorder.live.run_buffer import RunBuffer
+    from winding_study.commissioning.design import Expected
+    from winding_study.commissioning.motion import MachineReach, Motion
+    from winding_study.commissioning.unknowns import CellPrior
+    from winding_supervisor.session.run_config import RunConfig
+
+_FULL_TURN = 2.0 * math.pi
+# What the machine does is chosen, and what is known of the tension is looked for: a cell file may
+# hold these for other runs.
+_CHOSEN = (
+    *("feed_mm_s", "omega_rad_s", "duration_s", "turns", "wound_length_mm"),
+    *("tension_share", "tension_offset_n", "tension_diameter_gain_n", "tension_start_share"),
+    "tension_build_up_mm",
+)
+# What such a run cannot have.
+_EXCLUDED = (
+    *("control", "program", "pitch_mm", "markers_every_turn", "brake", "layers", "length_m"),
+    *("prony", "dashboard", "attach", "secure"),
+)
+_OF_DRIVE = ("feed_mm_s", "omega_rad_s")
+# Pulls that the simulated machine's brake is asked for, as shares of the weight.
+_PULL_SHARE = (0.3, 1.5)
+# Markers that a design may count on, where their number is not configured.
+_MOST_MARKERS = 64
+_PROBED = 3.0  # How long an external machine is listened to [s]
+_SHOWN = 6
+
+_NUMBERS = (
+    Shown("", lambda item: item.words),
+    Shown("mean", lambda item: item.mean / item.unit, ".4g"),
+    Shown("deviation", lambda item: item.deviation / item.unit, ".2g"),
+    Shown("low", lambda item: item.low / item.unit, ".4g"),
+    Shown("high", lambda item: item.high / item.unit, ".4g"),
+    Shown("before, low", lambda item: item.prior_low / item.unit, ".4g"),
+    Shown("high", lambda item: item.prior_high / item.unit, ".4g"),
+    Shown("found", lambda item: "yes" if item.observed else "no"),
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A run that is designed, before anything moves."""
+
+    config: WindingConfig  # Of the cell as it is known
+    prior: CellPrior  # What was known
+    reach: MachineReach  # Of the machine
+    design: list[Expected]  # Every motion, the most telling first
+
+    @property
+    def motion(self) -> Motion:
+        """What is wound."""
+        return self.design[0].motion
+
+
+@with_options_of_run(RigPriorParameters)
+def commission(
+    typed: Typed,
+    known: Typed,
+    *,
+    cell: Annotated[
+        Path | None, typer.Argument(help="Cell file of the machine, see `winding cell init`.")
+    ] = None,
+    name: Annotated[str, typer.Option(help="Of the cable that is found.")] = "commissioned",
+    cell_file: Annotated[
+        Path | None, typer.Option(help="Cell file to write; else found-cell.yaml of the run.")
+    ] = None,
+    cable_file: Annotated[
+        Path | None, typer.Option(help="Cable file to write; else NAME.yaml of the run.")
+    ] = None,
+    travel_mm: Annotated[
+        float, typer.Option(help="Way of the carriage that the camera sees, in mm.")
+    ] = 100.0,
+    carriage_limit_mm_s: Annotated[
+        float, typer.Option(help="Largest speed of the carriage, in mm/s.")
+    ] = 80.0,
+    pull_limits_n: Annotated[
+        tuple[float, float] | None,
+        typer.Option(help="Smallest and largest pull of the machine's brake, in N."),
+    ] = None,
+    longest_s: Annotated[float, typer.Option(help="Longest motion, 60 s at most.")] = 60.0,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Choose the motion and print it; nothing moves.")
+    ] = False,
+) -> None:
+    """Wind one run that is chosen for what it tells, and write the cell and the cable found."""
+    for path, option in ((cell_file, "--cell-file"), (cable_file, "--cable-file")):
+        check_output_file(path, option, make_folder=True)
+    with refused(ValueError):
+        check_name(name)
+        base = RunSpec.from_cell(cell, typed, spelled)
+        _refuse_chosen(base)
+        check_output_folder(base.path("output"), "--output", new=True)
+        planned = _planned(
+            base, _prior(known), travel_mm, carriage_limit_mm_s, pull_limits_n, longest_s
+        )
+    console = result_console()
+    console.print(_design_table(planned.design), highlight=False)
+    console.print(f"chosen: {planned.motion.sentence}", highlight=False, soft_wrap=True)
+    if plan:
+        return
+    with refused(ValueError):
+        spec = RunSpec.from_cell(cell, {**typed, **_run_options(base, planned)}, spelled)
+    delivery = _wound(spec, planned.motion)
+    if delivery.buffer is None:
+        refuse(f"no result: {delivery.reason or 'nothing was wound'}", FAILED)
+    _learn(base, planned, delivery, name, cell_file, cable_file)
+
+
+def _refuse_chosen(spec: RunSpec) -> None:
+    chosen = [key for key in _CHOSEN if not (spec.external and key in _OF_DRIVE)]
+    typed = [key for key in chosen if key in spec.source.typed]
+    typed += [key for key in _EXCLUDED if spec.given.get(key)]
+    if typed:
+        raise ParameterError(
+            f"{spec.source.name(typed[0])} is not for a commissioning run, which chooses motion "
+            "and pull itself and finds what is unknown"
+        )
+    if spec.solver.element != "rod":
+        raise ParameterError(
+            f"a cell is identified with the rod, not the element {spec.solver.element}"
+        )
+    if not spec.camera.camera:
+        raise ParameterError("a commissioning run needs a camera: it learns from tracked markers")
+    spec.condition.resolved().case.material.refuse_fading("a commissioning run")
+
+
+def _prior(known: Typed) -> CellPrior:
+    from cable_fem_node.identification import RigPrior
+    from winding_study.commissioning.unknowns import CellPrior
+
+    ranges = prior_ranges(typed_values(RigPriorParameters, known, spelled))
+    return CellPrior(rig=dataclasses.replace(RigPrior(), **ranges))
+
+
+def _planned(
+    spec: RunSpec,
+    prior: CellPrior,
+    travel_mm: float,
+    carriage_limit_mm_s: float,
+    pull_limits: tuple[float, float] | None,
+    longest: float,
+) -> Plan:
+    """Return the design of a run.
+
+    Raises:
+        ParameterError: The limits allow no motion.
+        ValueError: The cable cannot be wound.
+    """
+    from cable_fem_node.winding.winding_config import SolverParameters
+    from winding_core.machine.tension import DeadWeight
+    from winding_core.parameters import build
+    from winding_study.commissioning.design import ranked
+    from winding_study.commissioning.motion import MachineReach, candidates, clearing_advance
+
+    what = spec.condition.resolved()
+    markers = what.case.marker_count if "markers" in spec.given else _MOST_MARKERS
+    what = replace(what, case=replace(what.case, marker_count=markers), tension_law=DeadWeight())
+    config = build(SolverParameters, spec.asked("solver"), owner="winding commission").config_of(
+        what
+    )
+    drive, weight = what.drive, what.case.weight
+    pulls = pull_limits
+    if pulls is None and not spec.external:
+        pulls = (_PULL_SHARE[0] * weight, _PULL_SHARE[1] * weight)
+    if pulls is not None:
+        # Refuses a pull that would tear the cable as it is known.
+        replace(config, case=replace(what.case, weight=pulls[1]))
+    lag = what.free_length / what.case.centreline_radius
+    reach = MachineReach(
+        speeds=(drive.angular_speed, drive.angular_speed),
+        carriage_speed=carriage_limit_mm_s * MILLIMETRE,
+        feed=drive.feed_speed if spec.external else None,
+        travel=travel_mm * MILLIMETRE,
+        clear=0.0 if spec.external else clearing_advance(what.case.cable_diameter, lag),
+        weight=weight,
+        pulls=pulls,
+        ramp_time=drive.ramp_time,
+        longest=longest,
+    )
+    sign = math.copysign(1.0, drive.feed_speed)
+    with busy("choosing the motion"):
+        design = ranked(config, candidates(reach, sign), prior)
+    return Plan(config=config, prior=prior, reach=reach, design=design)
+
+
+def _run_options(spec: RunSpec, planned: Plan) -> dict[str, Any]:
+    """Return the options of `winding run` that make the chosen motion."""
+    motion, best = planned.motion, planned.design[0]
+    found: dict[str, Any] = {}
+    if "markers" not in spec.given:
+        found["markers"] = min(_MOST_MARKERS, best.markers + 1)
+    if spec.external:
+        return found | {"turns": motion.end_angle / _FULL_TURN}
+    if "lay" not in spec.given:
+        found["lay"] = "driven"
+    return found | {
+        "omega_rad_s": motion.drive.angular_speed,
+        "feed_mm_s": motion.drive.feed_speed / MILLIMETRE,
+        "duration_s": motion.duration,
+    }
+
+
+def _wound(spec: RunSpec, motion: Motion) -> _Kept:
+    """Wind the run through the graph; return what it left, if it is whole."""
+    from winding_cli.run.configuration import warn_of_slowness
+    from winding_cli.run.winding import wind
+    from winding_cli.terminal.origin import origin_here
+    from winding_recorder.bags.description import ORIGIN
+
+    if spec.external:
+        _conform(spec)
+    origin = replace(origin_here(), labels=spec.labels)
+    with refused(ValueError):
+        config = configured(spec, {ORIGIN: origin.text})
+    if motion.commands_pull:
+        config = replace(config, pulls=tuple(zip(motion.angles, motion.pulls, strict=True)))
+    warn_of_slowness(config)
+    delivery = _delivery(config, origin)
+    failure = wind(config, delivery.inner)
+    if failure is not None:
+        print(f"winding: no result: {delivery.reason or 'the run was broken off'}", flush=True)
+        failure()
+    return delivery
+
+
+def _conform(spec: RunSpec) -> None:
+    """Refuse an external machine that does not keep the interface."""
+    from winding_cli.commands.conform import probed
+    from winding_cli.terminal.ros_environment import joined
+    from winding_core.machine.axes import MachineAxes
+    from winding_core.parameters import declared_in
+
+    axes = MachineAxes(**declared_in(MachineAxes, spec.asked("machine")))
+    with joined(spec.domain):
+        try:
+            findings, _ = asyncio.run(
+                probed(
+                    spec.graph.namespace, camera=True, axes=axes, seconds=_PROBED, running=None,
+                    stop_within=0.0,
+                )
+            )  # fmt: skip
+        except TimeoutError as error:
+            refuse(f"the machine does not conform: {error}")
+    broken = [item for item in findings if not item.kept]
+    if broken:
+        refuse(f"the machine does not conform: {broken[0].promise}: {broken[0].measured}")
+
+
+@dataclass(kw_only=True)
+class _Kept:
+    """What a run left."""
+
+    inner: RunDelivery
+    directory: Path = Path()
+    buffer: RunBuffer | None = None  # None for a run that is not whole
+    reason: str = ""  # Why it is not
+
+
+def _delivery(config: RunConfig, origin: Any) -> _Kept:
+    from winding_cli.run.delivery import RunDelivery
+    from winding_core.run_outcome import RunOutcome
+    from winding_supervisor.session.session import RunResult
+
+    class Delivery(RunDelivery):
+        """Delivers the run as `winding run` does, and keeps it where it is whole."""
+
+        def deliver(self, result: RunResult) -> RunOutcome | None:
+            outcome = super().deliver(result)
+            kept.directory = self._directory
+            if outcome is None or not outcome.complete:
+                kept.reason = "nothing was wound" if outcome is None else outcome.headline
+            elif result.losses:
+                kept.reason = result.losses[0]
+            else:
+                kept.buffer = result.buffer
+            return outcome
+
+    kept = _Kept(inner=Delivery(config, origin))
+    return kept
+
+
+def _learn(
+    spec: RunSpec,
+    planned: Plan,
+    kept: _Kept,
+    name: str,
+    cell_file: Path | None,
+    cable_file: Path | None,
+) -> None:
+    """Identify the cell from the run, print and write what was found."""
+    from cable_fem_node.identification import IdentificationError
+    from winding_cli.run.tracked_lap import measured_run
+    from winding_study.commissioning.design import ranked
+    from winding_study.commissioning.motion import candidates
+    from winding_study.commissioning.posterior import identify_cell
+    from winding_study.commissioning.result import (
+        cable_of,
+        cell_text_of,
+        commissioning_record,
+        remarks,
+    )
+
+    assert kept.buffer is not None
+    sign = math.copysign(1.0, planned.motion.drive.feed_speed)
+    with refused(IdentificationError, code=FAILED), busy("identifying the cell"):
+        run, clock = measured_run(kept.buffer, planned.config, planned.motion)
+        posterior = identify_cell(run, planned.prior)
+        following = ranked(
+            planned.config, candidates(planned.reach, sign), planned.prior, posterior
+        )
+    console = result_console()
+    console.print(record_table(_NUMBERS, posterior.found, title="What was found, 90 % intervals"))
+    for sentence in (*remarks(posterior, following), clock):
+        console.print(sentence, highlight=False, soft_wrap=True)
+    source = f"commissioning run {kept.directory}"
+    cable_file = cable_file or kept.directory / f"{name}.yaml"
+    cell_file = cell_file or kept.directory / "found-cell.yaml"
+    cable = cable_of(name, spec, posterior, source)
+    with staged(cable_file) as place:
+        place.write_text(cable.text(), encoding="utf-8")
+    with refused(ValueError, code=FAILED):
+        text = cell_text_of(spec, posterior, str(cable_file), source)
+    with staged(cell_file) as place:
+        place.write_text(text, encoding="utf-8")
+    record = commissioning_record(posterior, planned.design[:_SHOWN], following[:_SHOWN])
+    write_json(kept.directory / "commissioning.json", record)
+    console.print(f"cable: {cable_file}\ncell: {cell_file}", highlight=False, soft_wrap=True)
+
+
+def _design_table(design: list[Expected]) -> Any:
+    columns = (
+        Shown("expected, nat", lambda item: item.gain, ".1f"),
+        Shown("markers", lambda item: item.markers),
+        Shown("motion", lambda item: item.motion.sentence),
+        Shown("narrows most", lambda item: item.most),
+    )
+    return record_table(columns, design[:_SHOWN], title="Motions by what they are expected to tell")

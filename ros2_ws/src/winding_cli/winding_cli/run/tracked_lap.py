@@ -1,0 +1,65 @@
+"""The run that was just wound as an identification takes it: motion, pull, markers at the end."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from cable_fem_node.identification import IdentificationError
+from cable_fem_node.identification.steady import SteadyMarkers
+from cable_fem_node.winding.winding_config import WindingConfig
+from winding_core.markers import MARKER_DTYPE
+from winding_recorder.live.run_buffer import RunBuffer, buffered_inputs
+from winding_ros import topics
+from winding_ros.messages.diagnostics import decode_diagnostics
+from winding_study.commissioning.design import SEEN_AFTER
+from winding_study.commissioning.motion import Motion
+from winding_study.commissioning.posterior import Measured
+
+# Every marker passes the camera once a turn; of the frames before, slip may have moved it since.
+_LAPS = 1.25
+
+
+def measured_run(buffer: RunBuffer, config: WindingConfig, motion: Motion) -> tuple[Measured, str]:
+    """Return a finished run, and what the tracker says of the camera's clock.
+
+    Args:
+        buffer: Messages of the run.
+        config: What was wound, as configured.
+        motion: That was commanded.
+
+    Raises:
+        IdentificationError: No marker was measured, or there is no reading of the pull.
+    """
+    inputs = buffered_inputs(buffer).samples
+    if not inputs.size or np.isnan(inputs["tension"]).all():
+        raise IdentificationError("the run has no readings of rig/tension: nothing is learned")
+    known = np.isfinite(inputs["tension"])
+    inputs["tension"] = np.interp(inputs["t"], inputs["t"][known], inputs["tension"][known])
+    inputs["t"] -= inputs["t"][0]
+    end = float(inputs["cylinder_angle"].max())
+    times = inputs["t"][inputs["cylinder_angle"] >= end - _LAPS * 2.0 * math.pi]
+    last_lap = buffer.origin + float(times[0])
+    steady = SteadyMarkers()
+    for t, markers in buffer.clouds(topics.TRACKED_MARKERS, MARKER_DTYPE):
+        if t >= last_lap:
+            steady.add(markers[markers["theta"] < end - SEEN_AFTER])
+    readings = steady.readings()
+    if readings is None:
+        raise IdentificationError("no marker was measured steadily in the last turn")
+    return Measured(config=config, inputs=inputs, motion=motion, readings=readings), _clock(buffer)
+
+
+def _clock(buffer: RunBuffer) -> str:
+    values: dict[str, str] = {}
+    for _, statuses in buffer.readings(topics.DIAGNOSTICS, decode_diagnostics):
+        for status in statuses:
+            if "camera_clock_offset_ms" in status.values:
+                values = dict(status.values)
+    offset, error = (
+        float(values.get(f"camera_clock_offset{name}_ms", "nan")) for name in ("", "_error")
+    )
+    if not math.isfinite(offset):
+        return "camera's clock: unobservable in this run"
+    return f"camera's clock: {offset:+.2f} +- {error:.2f} ms ahead of the encoder's"

@@ -1,0 +1,208 @@
+"""Motions that a machine can make within its limits, of which one commissions the cell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from winding_core.machine.drive import DriveProfile
+from winding_core.parameters import ParameterError
+from winding_core.run_inputs import Inputs, planned_inputs
+from winding_study.commissioning.unknowns import Array
+
+# Machine time of a commissioning run [s].
+LONGEST = 60.0
+# A motion shorter than this many turns has wound no marker twice round.
+_FEWEST_TURNS = 2.0
+# A change of the pull takes at least so long a way [rad]: a brake's time constant, twice.
+_STEP_WAY = 0.8
+_FULL_TURN = 2.0 * math.pi
+
+
+@dataclass(frozen=True, kw_only=True)
+class MachineReach:
+    """What the machine may do.
+
+    Attributes:
+        speeds: Smallest and largest cylinder speed [rad/s]; equal where it is the machine's own.
+        carriage_speed: Largest speed of the carriage [m/s].
+        feed: Speed of the carriage where that is the machine's own [m/s]; None: it is chosen.
+        travel: Greatest way of the carriage [m], towards the side of the feed.
+        clear: Least advance of the guide per turn with which no turn lies on another [m].
+        pulls: Smallest and largest pull that may be commanded [N]; None: the weight alone pulls.
+        longest: Longest motion [s].
+    """
+
+    speeds: tuple[float, float]
+    carriage_speed: float
+    feed: float | None = None
+    travel: float
+    clear: float = 0.0
+    weight: float  # Pull without a command [N]
+    pulls: tuple[float, float] | None = None
+    ramp_time: float  # From standstill to full speed [s]
+    longest: float = LONGEST
+
+    def __post_init__(self) -> None:
+        low, high = self.speeds
+        for name, value in (
+            ("the cylinder speed", low),
+            ("the carriage's speed limit", self.carriage_speed),
+            ("the carriage's travel", self.travel),
+            ("the weight", self.weight),
+        ):
+            if not (math.isfinite(value) and value > 0.0):
+                raise ParameterError(f"{name} must be positive for a motion, got {value:g}")
+        if not low <= high < math.inf:
+            raise ParameterError(f"cylinder speeds must ascend, got {low:g} to {high:g} rad/s")
+        if not 0.0 < self.longest <= LONGEST:
+            raise ParameterError(
+                f"a commissioning run takes at most {LONGEST:g} s, got {self.longest:g} s"
+            )
+        if self.pulls is not None and not 0.0 < self.pulls[0] < self.pulls[1] < math.inf:
+            raise ParameterError(
+                f"pulls must ascend from above 0, got {self.pulls[0]:g} to {self.pulls[1]:g} N"
+            )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """One motion of a machine.
+
+    Attributes:
+        angles: Cylinder angles of the pull's corners [rad], ascending from 0.
+        pulls: The pull there [N], straight lines between, the weight's at 0; one alone is not
+            commanded.
+    """
+
+    name: str  # Of the pull's course
+    drive: DriveProfile  # Of both axes
+    duration: float  # [s]
+    angles: tuple[float, ...] = (0.0,)
+    pulls: tuple[float, ...]
+
+    @property
+    def commands_pull(self) -> bool:
+        """Whether the pull is commanded; otherwise the weight pulls."""
+        return len(self.pulls) > 1
+
+    @property
+    def end_angle(self) -> float:
+        """Cylinder angle at the end [rad]."""
+        return float(self.drive.positions(self.duration)[0])
+
+    def pull_at(self, angle: Array | float) -> Array:
+        """Return the pull [N] at cylinder angles [rad], same shape."""
+        return np.asarray(np.interp(angle, self.angles, self.pulls))
+
+    def inputs(self) -> Inputs:
+        """Return the motion as inputs of a model; their tension is the pull at the guide."""
+        inputs = planned_inputs(self.drive, self.duration)
+        inputs["tension"] = self.pull_at(inputs["cylinder_angle"])
+        return inputs
+
+    @property
+    def sentence(self) -> str:
+        """What moves how, in words."""
+        drive = self.drive
+        pull = (
+            f"pull {self.name}, {min(self.pulls):.3g} to {max(self.pulls):.3g} N"
+            if self.commands_pull
+            else f"pull {self.pulls[0]:.3g} N throughout"
+        )
+        return (
+            f"{self.duration:.1f} s at {drive.angular_speed:.3g} rad/s "
+            f"({self.end_angle / _FULL_TURN:.1f} turns), feed {1e3 * drive.feed_speed:.3g} mm/s, "
+            f"{pull}"
+        )
+
+
+def candidates(reach: MachineReach, sign: float = 1.0) -> Iterator[Motion]:
+    """Yield motions within the limits of a machine.
+
+    Args:
+        reach: The limits.
+        sign: Of the feed, 1 or -1, dimensionless.
+
+    Raises:
+        ParameterError: The limits allow no motion of two turns.
+    """
+    none = True
+    for speed in sorted({*reach.speeds}):
+        for feed in _feeds(reach, speed):
+            drive = DriveProfile(
+                angular_speed=speed, feed_speed=math.copysign(feed, sign), ramp_time=reach.ramp_time
+            )
+            duration = min(reach.longest, reach.travel / feed + 0.5 * reach.ramp_time)
+            end = float(drive.positions(duration)[0])
+            if end < _FEWEST_TURNS * _FULL_TURN:
+                continue
+            none = False
+            for name, angles, pulls in _pulls(reach, end):
+                yield Motion(name=name, drive=drive, duration=duration, angles=angles, pulls=pulls)
+    if none:
+        raise ParameterError(
+            f"the limits allow no motion of {_FEWEST_TURNS:g} turns: {reach.longest:g} s at up to "
+            f"{reach.speeds[1]:g} rad/s, {1e3 * reach.travel:g} mm of travel, the carriage at up "
+            f"to {1e3 * reach.carriage_speed:g} mm/s, {1e3 * reach.clear:.3g} mm a turn at least"
+        )
+
+
+def clearing_advance(diameter: float, lag: float) -> float:
+    """Return the advance of the guide per turn [m] from which on the first turn clears P0's.
+
+    By the lag law cable lies p (1 - (1 - exp(-2 pi / lag)) lag / (2 pi)) beside P0 after one turn.
+
+    Args:
+        diameter: Of the cable [m].
+        lag: Free length over centreline radius [rad].
+    """
+    turns = lag / _FULL_TURN
+    return diameter / (1.0 + turns * math.expm1(-1.0 / turns))
+
+
+def _feeds(reach: MachineReach, speed: float) -> Iterator[float]:
+    if reach.feed is not None:
+        yield abs(reach.feed)
+        return
+    # As slow as fills the time with the travel, and faster ones that leave less time.
+    slowest = max(reach.travel / reach.longest, reach.clear * speed / _FULL_TURN)
+    for factor in (1.0, 1.5, 2.0, 3.0):
+        feed = factor * slowest
+        if feed <= reach.carriage_speed:
+            yield feed
+
+
+def _pulls(
+    reach: MachineReach, end: float
+) -> Iterator[tuple[str, tuple[float, ...], tuple[float, ...]]]:
+    yield "even", (0.0,), (reach.weight,)
+    if reach.pulls is None:
+        return
+    low, high = reach.pulls
+    middle = math.sqrt(low * high)
+    half, third, quarter = end / 2.0, end / 3.0, end / 4.0
+    levels = {
+        "low, then high": ((low, half), (high, end)),
+        "high, then low": ((high, half), (low, end)),
+        "in three steps up": ((low, third), (middle, 2.0 * third), (high, end)),
+        "in three steps down": ((high, third), (middle, 2.0 * third), (low, end)),
+        "low, high, low, high": (
+            (low, quarter), (high, 2.0 * quarter), (low, 3.0 * quarter), (high, end),
+        ),
+    }  # fmt: skip
+    for name, parts in levels.items():
+        angles, pulls, begin = [0.0], [reach.weight], 0.0
+        for level, until in parts:
+            angles.append(begin + _STEP_WAY)
+            pulls.append(level)
+            angles.append(until)
+            pulls.append(level)
+            begin = until
+        yield name, tuple(angles), tuple(pulls)
+    # Before the first command the weight pulls.
+    yield "rising", (0.0, _STEP_WAY, end), (reach.weight, low, high)
+    yield "falling", (0.0, _STEP_WAY, end), (reach.weight, high, low)

@@ -1,0 +1,1 @@
+"""Whether a commissioning run finds what is hidden in a cell."""
