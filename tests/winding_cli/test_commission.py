@@ -83,7 +83,7 @@ def test_a_real_run_leaves_a_cell_and_a_cable(tmp_path: Path) -> None:
     spec = RunSpec.from_cell(None, {"case": 4, "cable": str(run / "hose.yaml")})
     assert spec.condition.law == "mooney_rivlin"
     assert "90 % intervals" in text
-    # The rod's lag is not that of the simulated machine: 1 to 7 % were seen (docs/commissioning.md).
+    # The rod's lag is not that of the simulated machine: 1 to 7 % were seen.
     assert numbers["free_length"]["mean"] == pytest.approx(hidden["free_length"], rel=0.1)
     # Modulus and rig of the simulated machine, within four deviations.
     truth = {

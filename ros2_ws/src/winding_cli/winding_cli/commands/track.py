@@ -242,6 +242,8 @@ class TrackedRecording:
         )
         yield from (f"the pictures contradict: {item.sentence}" for item in report.contradictions)
         yield from report.doubts
+        if not report.judged and report.known > 1:
+            yield "not healthy: the first pass of a marker has not been judged"
         if self.unrefined:
             yield f"not refined: {self.unrefined}"
         if self.fit is not None:
