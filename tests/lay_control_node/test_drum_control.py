@@ -137,7 +137,10 @@ def test_cable_is_held_by_a_turn_that_it_touches_only() -> None:
         touching, apart = (before + layer.direction * width * D for width in (1.0, 1.1))
         assert watch.held(theta, touching, 1e-5) * layer.direction > 0.0
         assert watch.held(theta, apart, 1e-5) == 0.0
+        assert watch.is_turn_before(theta, before + 0.1 * D)
+        assert not watch.is_turn_before(theta, touching)
     assert watch.held(0.5 * TURN, 0.0, 1e-5) == 0.0
+    assert not watch.is_turn_before(0.5 * TURN, 0.0)
 
 
 def test_a_missing_edge_turn_is_found_where_its_layer_ends() -> None:

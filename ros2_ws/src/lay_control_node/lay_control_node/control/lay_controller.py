@@ -178,7 +178,8 @@ class LayController:
     def take_lay(self, places: LayRecords) -> None:
         """Take measured places of the wound cable; only those ahead of the newest one count.
 
-        A place counts where it was seen as high as cable is wanted there.
+        A place counts where it was seen as high as cable is wanted there. One on the turn before is
+        that turn's, taken for the next one, or cable that climbs: the filter does without it.
         """
         new = np.sort(places[places["theta"] > self.lay.measured_to], order="theta")
         for place in new:
@@ -189,7 +190,8 @@ class LayController:
                 lies = abs(place["lift"] - wanted.raised) < self.config.height_tolerance
             if lies:
                 limit = _DOUBTS * wanted.doubt if wanted.doubt > 0.0 else math.inf
-                self._measure(theta, z, math.hypot(sigma, wanted.doubt), limit)
+                if self.watch is None or not self.watch.is_turn_before(theta, z):
+                    self._measure(theta, z, math.hypot(sigma, wanted.doubt), limit)
                 if self.watch is not None:
                     self.watch.measure(theta, z, sigma)
 

@@ -22,6 +22,8 @@ _PER_TURN = 72
 _OFF, _DEVIATIONS = 0.3, 4.0
 # Cable that lies beside the turn before within so many deviations touches it.
 _TOUCHES = 2.0
+# Two turns of a layer lie farther apart than so many diameters.
+_SAME = 0.5
 # For so many places in a row, a sixth of a turn: what is pushed aside while it climbs is shorter.
 _IN_A_ROW = 12
 # What lands now is seen a little later: measured is what was seen of it by half.
@@ -142,13 +144,22 @@ class LayerWatch:
             0 where it does not touch that turn.
         """
         at = self._place(theta)
-        before = at - _PER_TURN
-        if before < 0 or self._layers[at] != self._layers[before] or not self._measured[before]:
+        if not self._measured[at - _PER_TURN]:
             return 0.0
-        onward, diameter = float(self._onward[at]), self._wound.cable_diameter
-        apart = onward * (z - self._z[before]) - diameter
-        touches = apart < _TOUCHES * math.hypot(sigma, self._sigma[before])
-        return onward if touches else 0.0
+        apart = self._beside(at, z) - self._wound.cable_diameter
+        touches = apart < _TOUCHES * math.hypot(sigma, self._sigma[at - _PER_TURN])
+        return float(self._onward[at]) if touches else 0.0
+
+    def is_turn_before(self, theta: float, z: float) -> bool:
+        """Return whether a place [rad, m] is one of the turn before, where no other cable lies."""
+        return self._beside(self._place(theta), z) < _SAME * self._wound.cable_diameter
+
+    def _beside(self, at: int, z: float) -> float:
+        """Return how far a place lies onward of the turn before [m]; nan without one."""
+        before = at - _PER_TURN
+        if before < 0 or self._layers[at] != self._layers[before]:
+            return math.nan
+        return float(self._onward[at] * (z - self._z[before]))
 
     def _place(self, theta: float) -> int:
         return min(max(int(theta / FULL_TURN * _PER_TURN), 0), self._z.size - 1)
