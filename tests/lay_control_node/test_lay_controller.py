@@ -227,9 +227,8 @@ def test_what_a_neighbour_holds_is_no_offset_of_the_eye(held: float) -> None:
     for theta in np.arange(0.01, 6.0, 0.01):
         lay.advance(float(theta), -3.0e-3)
         lay.measure(float(theta), 0.0, 5.0e-5, held=held)
-    offset = lay.estimate().offset
     # A deviation of the eye on its carriage; a cable that nothing holds lies so because of it.
-    assert (offset < LayFilterConfig.sigma_offset) == (held > 0.0)
+    assert (lay.estimate().offset < LayFilterConfig.sigma_offset) == (held > 0.0)
 
 
 def test_a_free_length_that_misread_heights_have_led_astray_begins_anew() -> None:

@@ -170,9 +170,10 @@ class LayController:
         """Take the tracked markers of one frame."""
         for landed in self._landed.take(markers):
             # The tracker places markers on the bare cylinder; so does the law of the stretch.
-            if self.wanted.at(landed.theta).doubt > 0.0:
+            wanted = self.wanted.at(landed.theta)
+            if wanted.doubt > 0.0:
                 continue
-            self._measure(landed.theta, landed.z, landed.sigma_z)
+            self._measure(wanted, landed.theta, landed.z, landed.sigma_z)
             self.stretch.land(landed.number, landed.theta, landed.sigma_theta)
 
     def take_lay(self, places: LayRecords) -> None:
@@ -191,7 +192,7 @@ class LayController:
             if lies:
                 limit = _DOUBTS * wanted.doubt if wanted.doubt > 0.0 else math.inf
                 if self.watch is None or not self.watch.is_turn_before(theta, z):
-                    self._measure(theta, z, math.hypot(sigma, wanted.doubt), limit)
+                    self._measure(wanted, theta, z, math.hypot(sigma, wanted.doubt), limit)
                 if self.watch is not None:
                     self.watch.measure(theta, z, sigma)
 
@@ -262,10 +263,12 @@ class LayController:
         tension = self.stretch.estimate.tension(pull, self.law.radius * max(theta, 0.0))
         return math.sqrt(self.config.bending_stiffness / max(float(tension), _LEAST_TENSION))
 
-    def _measure(self, theta: float, z: float, sigma: float, limit: float = math.inf) -> None:
+    def _measure(
+        self, wanted: WantedPoint, theta: float, z: float, sigma: float, limit: float = math.inf
+    ) -> None:
         held = 0.0
         # On upper layers the cable below may hold it as well, either way.
-        if self.watch is not None and self.wanted.at(theta).raised == 0.0:
+        if self.watch is not None and wanted.raised == 0.0:
             held = self.watch.held(theta, z, sigma)
         score = self.lay.measure(theta, z, sigma, limit, held)
         if score is not None:

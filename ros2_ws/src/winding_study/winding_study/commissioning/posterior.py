@@ -13,7 +13,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.identification import IdentificationError, Readings
-from cable_fem_node.identification.rig_posterior import interval_of
+from cable_fem_node.identification.rig_posterior import Belief, interval_of
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.run_inputs import Inputs
 from winding_study.commissioning.lay import CellLay, Places
@@ -44,8 +44,6 @@ _SETTLED = 0.2
 _FREEDOM = 12.0
 _ROUNDS = 4
 DRAWS = 1500
-# A number whose deviation stays above this share of the prior's is unobservable.
-_OBSERVED = 0.8
 # A misfit that chance reaches more rarely widens all intervals.
 _MISFIT = 0.01
 
@@ -61,29 +59,14 @@ class Measured:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class Found(Belief):
     """One number, before and after the run."""
 
     name: str  # As in every table of numbers
     words: str  # What it is, with its printed unit
     unit: float  # One of these in SI
-    mean: float  # Of the posterior
-    deviation: float  # Standard deviation of the posterior
-    low: float  # 5 % of the posterior lie below
-    high: float  # 5 % lie above
     prior_low: float  # 5 % of the prior lie below
     prior_high: float  # 5 % lie above
-    prior_deviation: float  # Standard deviation of the prior
-
-    @property
-    def half_width_90(self) -> float:
-        """Half of the 90 % interval."""
-        return 0.5 * (self.high - self.low)
-
-    @property
-    def observed(self) -> bool:
-        """Whether the run narrows the prior."""
-        return self.deviation < _OBSERVED * self.prior_deviation
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 
 import numpy as np
 
@@ -59,6 +59,9 @@ class PullProgramme:
             yield
         finally:
             task.cancel()
+            # What ended it before is an error of the run.
+            with suppress(asyncio.CancelledError):
+                await task
 
     async def _follow(self) -> None:
         while True:
