@@ -22,7 +22,7 @@ from winding_core.lay.layers import FULL_TURN
 from winding_core.machine.incoming_readings import LEAD_IN, has_moved
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, Markers, is_wound, wound_markers
-from winding_core.run_inputs import INPUT_DTYPE, RunInputs
+from winding_core.run_inputs import RunInputs, no_inputs
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.stamps import decode_stamp, encode_stamp
@@ -197,13 +197,13 @@ def begun(**parameters: Any) -> FemHandler:
 
 
 def written(file: Path) -> Path:
-    samples = np.zeros(CUT, dtype=INPUT_DTYPE)
+    samples = no_inputs(CUT)
     newest = np.nan
     for k, (t, reading, tension) in enumerate(message_pairs()[:CUT]):
         newest = newest if tension is None else tension
         motion = (reading.cylinder_angle, reading.angular_speed)
         guide = (reading.carriage_position, reading.feed_speed)
-        samples[k] = (t, *motion, *guide, newest)
+        samples[k] = (t, *motion, *guide, newest, np.nan, np.nan)
     RunInputs(samples=samples).write(file)
     return file
 

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from winding_core.machine.drive import DriveProfile, TurningDrive
-from winding_core.run_inputs import INPUT_DTYPE, RunInputs, RunInputsError
+from winding_core.machine.readings import GuidePlace
+from winding_core.run_inputs import RunHistory, RunInputs, RunInputsError, no_inputs
 
 PAPER = DriveProfile()
 DRIVES = (
@@ -107,7 +109,7 @@ def test_unwinding_retraces_the_way(drive: TurningDrive) -> None:
 
 
 def inputs(count: int = 5) -> RunInputs:
-    samples = np.zeros(count, dtype=INPUT_DTYPE)
+    samples = no_inputs(count)
     samples["t"] = np.arange(count)
     samples["cylinder_angle"] = 2.0 * samples["t"]
     samples["tension"] = [np.nan, *np.full(count - 1, 3.0)]
@@ -136,3 +138,22 @@ def test_pickled_objects_are_never_loaded(tmp_path: Path) -> None:
     np.save(file, np.array([{"a": 1}], dtype=object), allow_pickle=True)
     with pytest.raises(RunInputsError, match="holds no inputs of a run"):
         RunInputs.read(file)
+
+
+def test_place_of_the_guide_gives_span_and_landing() -> None:
+    radius, free_length = 0.02, 0.2
+    place = GuidePlace.beside(radius, free_length)
+    assert place.free_length(radius) == pytest.approx(free_length, rel=1.0e-12)
+    assert place.landing(radius) == pytest.approx(0.0, abs=1.0e-12)
+    turned = GuidePlace(x=-place.y, y=place.x)
+    assert turned.landing(radius) == pytest.approx(0.5 * np.pi, abs=1.0e-12)
+    with pytest.raises(ValueError, match=r"more than 0.02 m off the axis, .* got 0.014"):
+        GuidePlace(x=0.01, y=0.01).free_length(radius)
+
+
+def test_place_of_the_guide_is_kept_with_the_inputs() -> None:
+    history, place = RunHistory(), GuidePlace(x=0.02, y=-0.1)
+    reading = DriveProfile().reading_at(1.0)
+    history.record(0.0, reading, None)
+    history.record(1.0, replace(reading, guide=place), None)
+    assert [reading.guide for _, reading, _ in RunInputs(samples=history.inputs)] == [None, place]

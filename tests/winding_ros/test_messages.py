@@ -29,7 +29,7 @@ from marker_tracker_node.camera.image_formats import PixelReader
 from winding_core.cable.material_report import MaterialReport, refused_material
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
-from winding_core.machine.readings import AxisReading, Quantity
+from winding_core.machine.readings import AxisReading, GuidePlace, Quantity
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
 from winding_core.status import Level, Status
 from winding_ros.messages.camera import decode_camera_info, decode_image, encode_image
@@ -347,6 +347,23 @@ def test_a_number_that_is_not_finite_is_refused_at_its_known_place() -> None:
     data[layout.positions[0] : layout.positions[0] + 8] = np.float64(np.nan).tobytes()
     with pytest.raises(MessageError, match="must be finite"):
         read(bytes(data))
+
+
+def test_a_guide_that_moves_across_the_axis_is_read_with_the_axes() -> None:
+    guide = GuidePlace(x=0.02, y=-0.19)
+    reading = AxisReading(
+        cylinder_angle=1.0, angular_speed=2.0, carriage_position=0.3, feed_speed=0.1, guide=guide
+    )
+    data = encode_joint_state(0.0, reading)
+    read = JointStateReader(MachineAxes())
+    # The first is taken apart as a message, the second by its bytes.
+    assert [read(data)[1] for _ in range(2)] == [reading, reading]
+    names = [*AXIS_JOINTS, "guide_y_joint", "guide_x_joint"]
+    turned = JointState(name=names, position=[1.0, 0.3, guide.y, guide.x])
+    assert read(turned)[1].guide == guide
+    turned.position[2] = float("inf")
+    with pytest.raises(MessageError, match=r"the guide's place must be finite, got \(0.02, inf\)"):
+        read(turned)
 
 
 def test_a_message_of_another_byte_order_is_left_to_the_middleware() -> None:

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from winding_core.history import History
 from winding_core.machine.drive import DriveProfile
-from winding_core.machine.readings import AxisReading
+from winding_core.machine.readings import AxisReading, GuidePlace
 from winding_core.parameters import parameter
 
-# t [s], both axes as in AxisReading, tension [N]; nan where no tension had been read yet.
+# t [s], both axes and guide as in AxisReading, tension [N]; nan where no tension had been read
+# yet, and where the guide keeps its place.
 INPUT_DTYPE = np.dtype(
     [
         (name, "<f8")
@@ -28,6 +29,8 @@ INPUT_DTYPE = np.dtype(
             "carriage_position",
             "feed_speed",
             "tension",
+            "guide_x",
+            "guide_y",
         )
     ]
 )
@@ -83,7 +86,7 @@ class RunInputs:
     def __iter__(self) -> Iterator[tuple[float, AxisReading, float | None]]:
         """Yield (t [s], reading, tension [N] or None)."""
         for sample in self.samples:
-            tension = float(sample["tension"])
+            tension, x = float(sample["tension"]), float(sample["guide_x"])
             yield (
                 float(sample["t"]),
                 AxisReading(
@@ -91,6 +94,7 @@ class RunInputs:
                     angular_speed=float(sample["angular_speed"]),
                     carriage_position=float(sample["carriage_position"]),
                     feed_speed=float(sample["feed_speed"]),
+                    guide=None if np.isnan(x) else GuidePlace(x=x, y=float(sample["guide_y"])),
                 ),
                 None if np.isnan(tension) else tension,
             )
@@ -98,8 +102,9 @@ class RunInputs:
 
 # Shape (n,) of INPUT_DTYPE; t since the start of the run, a tension of nan is the model's own.
 Inputs = NDArray[np.void]
-# Fields of INPUT_DTYPE before the tension; sum and number of the tensions that were read.
-_Row = tuple[float, float, float, float, float, float, int]
+# Fields of INPUT_DTYPE before the tension; sum and number of tensions that were read; the guide.
+_Row = tuple[float, float, float, float, float, float, int, float, float]
+_KEPT = GuidePlace(x=math.nan, y=math.nan)
 
 
 class RunHistory:
@@ -129,7 +134,7 @@ class RunHistory:
     @property
     def inputs(self) -> Inputs:
         """The kept samples, shape (n,), a copy."""
-        rows = [(*row[:5], row[5] / row[6] if row[6] else math.nan) for row in self._rows]
+        rows = [(*row[:5], row[5] / row[6] if row[6] else math.nan, *row[7:]) for row in self._rows]
         return np.array(rows, dtype=INPUT_DTYPE)
 
     @property
@@ -171,6 +176,7 @@ class RunHistory:
             return
         # Half a millisecond early, so that rounding never makes a sample late.
         self._due = t + self._step - 5.0e-4
+        guide = reading.guide or _KEPT
         self._rows.append(
             (
                 t,
@@ -180,13 +186,23 @@ class RunHistory:
                 reading.feed_speed,
                 self._pulls,
                 self._pull_count,
+                guide.x,
+                guide.y,
             )
         )
         self._pulls, self._pull_count = 0.0, 0
 
 
 def _with_tensions_of(earlier: _Row, later: _Row) -> _Row:
-    return (*later[:5], earlier[5] + later[5], earlier[6] + later[6])
+    return (*later[:5], earlier[5] + later[5], earlier[6] + later[6], *later[7:])
+
+
+def no_inputs(count: int) -> Inputs:
+    """Return so many samples at zero, without tension, of a guide that keeps its place."""
+    inputs = np.zeros(count, dtype=INPUT_DTYPE)
+    for name in ("tension", "guide_x", "guide_y"):
+        inputs[name] = math.nan
+    return inputs
 
 
 def planned_inputs(
@@ -200,7 +216,7 @@ def planned_inputs(
     if not (math.isfinite(duration) and duration > 0.0):
         raise ValueError(f"duration must be positive and finite, got {duration}")
     times = np.linspace(0.0, duration, max(1, math.ceil(duration / period - 1.0e-9)) + 1)
-    inputs = np.zeros(times.size, dtype=INPUT_DTYPE)
+    inputs = no_inputs(times.size)
     inputs["t"] = times
     inputs["cylinder_angle"], inputs["carriage_position"] = drive.positions(times)
     inputs["angular_speed"], inputs["feed_speed"] = drive.speeds(times)
@@ -232,6 +248,7 @@ def continued_inputs(inputs: Inputs, angle: float, *, period: float = 0.02) -> I
     more["carriage_position"] = last["carriage_position"] + feed * after
     more["angular_speed"], more["feed_speed"] = speed, feed
     more["tension"] = inputs["tension"][inputs["t"] >= last["t"] - 1.0].mean()
+    more["guide_x"], more["guide_y"] = last["guide_x"], last["guide_y"]
     return np.concatenate([inputs, more])
 
 
@@ -257,4 +274,5 @@ def planned_rest(inputs: Inputs, drive: DriveProfile, duration: float) -> Inputs
     rest["t"] += float(last["t"]) - entered
     rest["carriage_position"] += carriage - planned_carriage
     rest["tension"] = inputs["tension"][inputs["t"] >= last["t"] - 1.0].mean()
+    rest["guide_x"], rest["guide_y"] = last["guide_x"], last["guide_y"]
     return rest

@@ -11,6 +11,7 @@ from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw
+from winding_core.machine.readings import GuidePlace
 from winding_core.run_inputs import Inputs, continued_inputs
 
 # Straight pieces between them are exact to 1e-5 of the stretch.
@@ -38,7 +39,7 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     longest = float(run.readings.ids[-1]) * case.marker_spacing
     top = _stretch_at(law, np.array([run.highest_tension]) / case.axial_area)[0]
     reach = 1.05 * longest * top / case.cylinder_radius + 0.5
-    inputs = turning(continued_inputs(run.inputs, reach))
+    inputs, span = turning(continued_inputs(run.inputs, reach), config)
     theta = inputs["cylinder_angle"]
     pull = run.tensions(inputs)
     stretch = _stretch_at(law, pull / case.axial_area)
@@ -48,7 +49,7 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     stretch = _stretch_at(law, (pull - bent) / case.axial_area)
     radius = _radius(config, law, stretch)
     step = np.diff(theta)
-    z = _axial(theta, inputs["carriage_position"], config.free_length / case.centreline_radius)
+    z = _axial(theta, inputs["carriage_position"], span / case.centreline_radius)
     slope = np.gradient(z, theta)
     reference = np.hypot(radius, slope) / stretch
     laid = np.concatenate([[0.0], np.cumsum(0.5 * (reference[1:] + reference[:-1]) * step)])
@@ -100,21 +101,33 @@ def _tabulated(bar: MaterialLaw) -> tuple[FloatArray, FloatArray, FloatArray]:
     return stretch, bar.nominal_stress(stretch), bar.lateral_stretch(stretch)
 
 
-def turning(inputs: Inputs) -> Inputs:
-    """Keep the samples at which the cylinder has turned further than ever before."""
-    angle = inputs["cylinder_angle"]
+def turning(inputs: Inputs, config: WindingConfig) -> tuple[Inputs, FloatArray]:
+    """Keep the samples at which more cable is wound than ever before.
+
+    Returns:
+        Inputs whose cylinder angle counts from where the cable lands, shape (n,), and the free
+        length at each [m].
+    """
+    radius, moved = config.case.centreline_radius, ~np.isnan(inputs["guide_x"])
+    span, angle = np.full(inputs.size, config.free_length), inputs["cylinder_angle"].copy()
+    for k in np.flatnonzero(moved):
+        guide = GuidePlace(x=float(inputs["guide_x"][k]), y=float(inputs["guide_y"][k]))
+        span[k] = guide.free_length(radius)
+        angle[k] -= guide.landing(radius)
     before = np.concatenate([[-np.inf], np.maximum.accumulate(angle)[:-1]])
-    kept: Inputs = inputs[angle > before + 1.0e-9]
-    return kept
+    kept = angle > before + 1.0e-9
+    wound = inputs[kept].copy()
+    wound["cylinder_angle"] = angle[kept]
+    return wound, span[kept]
 
 
-def _axial(theta: FloatArray, guide: FloatArray, lag: float) -> FloatArray:
+def _axial(theta: FloatArray, guide: FloatArray, lags: FloatArray) -> FloatArray:
     """Return z along theta: dz/dtheta = (guide - z) / lag, exact for a guide of straight pieces."""
     z = np.zeros_like(theta)
-    rise = np.diff(guide) / np.diff(theta)
+    rise, lag = np.diff(guide) / np.diff(theta), 0.5 * (lags[1:] + lags[:-1])
     decay = np.exp(-np.diff(theta) / lag)
     for i in range(theta.size - 1):
         # The particular solution follows the guide at a distance of lag times its rise.
-        behind = z[i] - guide[i] + lag * rise[i]
-        z[i + 1] = guide[i + 1] - lag * rise[i] + behind * decay[i]
+        behind = z[i] - guide[i] + lag[i] * rise[i]
+        z[i + 1] = guide[i + 1] - lag[i] * rise[i] + behind * decay[i]
     return z

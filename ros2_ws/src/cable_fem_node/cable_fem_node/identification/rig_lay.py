@@ -49,7 +49,9 @@ class RigLay:
             case.marker_spacing * np.arange(1, case.marker_count + 1), dtype=float
         )
         reach = _LONGEST * self.arc[-1] / case.cylinder_radius + 2.0
-        inputs = turning(continued_inputs(run.inputs, reach))
+        inputs, span = turning(continued_inputs(run.inputs, reach), config)
+        # Beyond the free length of a guide that keeps its place.
+        self._longer = span - config.free_length
         self._angle = inputs["cylinder_angle"]
         if self._angle[-1] < run.readings.theta[-1]:
             raise IdentificationError(
@@ -127,7 +129,8 @@ class RigLay:
         radius = np.interp(span, self._stretch, self._radius)
         # The node that lands bears what the span pulls aside more than the laid cable.
         yields = 0.5 * stress * landing.element / (landing.stick * span)
-        lag = rigs.free_length[:, None] * factor * (1.0 + landing.lag) / radius
+        free = rigs.free_length[:, None] + np.interp(theta, self._angle, self._longer)
+        lag = free * factor * (1.0 + landing.lag) / radius
         z = self._axial(lag + yields, yields, theta)
         slope = np.gradient(z, step, axis=1)
         # Nodes ride where those of the span's chords would on a circle: wound cable has shorter

@@ -140,7 +140,7 @@ class Advance(NamedTuple):
 
 
 # Rows of the drive: value at the beginning, value at the end of the advance.
-ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING = range(7)
+ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING, EYE_X, EYE_Y = range(9)
 
 # Rows of the tie, in the frame of the cylinder: place of node 0, direction of the cable there,
 # place of the node that is watched.
@@ -157,6 +157,6 @@ def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:
         second, third = 3.0 * step - 2.0 * da - db, da + db - 2.0 * step
         part[value, 0] = a + u * (da + u * (second + u * third))
         part[slope, 0] = (da + u * (2.0 * second + 3.0 * u * third)) / span
-    for value in (TENSION, STRETCH, LANDING):
+    for value in (TENSION, STRETCH, LANDING, EYE_X, EYE_Y):
         part[value, 0] = drive[value, 0] + u * (drive[value, 1] - drive[value, 0])
     return part

@@ -40,19 +40,17 @@ from cable_fem_node.winding import resting_cable
 from cable_fem_node.winding.resolved_model import STILL_SHARE, STIRRED_SHARE
 from cable_fem_node.winding.resting_cable import Fading, turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy
+from cable_fem_node.winding.stillness import Stillness
 from cable_fem_node.winding.validity import refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
 from cable_fem_node.winding.wound_surface import AHEAD, TURN, WoundSurface, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
+from winding_core.machine.readings import GuidePlace
 from winding_core.markers import Markers
 from winding_core.units import MILLIMETRE
 
-# Time between two looks [s]. Oscillations of the span decay within it.
-LOOK_PERIOD = 0.1
-# Time for which nodes that had to be woken are left alone [s].
-AWAKE_FOR = 0.5
 # Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
 # load have decayed over them to a ten-thousandth.
 AWAKE = 20
@@ -62,51 +60,6 @@ BESIDE_STEP = 0.5
 # By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
 FEWEST_TO_REST = 8
 WOKEN = 16
-
-
-class Stillness:
-    """Compares where nodes are on the cylinder with where they were.
-
-    What oscillates about its place is still by this measure, what creeps is not.
-
-    Args:
-        tolerance: Motion between two looks of a node that counts as still [m].
-        on_cable: The same where cable lies on cable [m].
-    """
-
-    def __init__(self, tolerance: float, on_cable: float) -> None:
-        self._tolerance, self._on_cable = tolerance, on_cable
-        self._seen = np.zeros((3, 0))
-        self._next = 0.0
-
-    def due(self, t: float) -> bool:
-        """Return whether a look is due at a time [s]."""
-        return t >= self._next
-
-    def begin_anew(self) -> None:
-        """Forget the look before: the nodes have other numbers from now on."""
-        self._seen = np.zeros((3, 0))
-
-    def woken(self, t: float) -> None:
-        """Begin anew a while after a time [s] at which resting nodes had to be woken."""
-        self.begin_anew()
-        self._next = t + AWAKE_FOR
-
-    def look(self, t: float, place: FloatArray, lies: bool) -> int:
-        """Return how many nodes, from the first on, are where they were at the look before.
-
-        Args:
-            t: Time [s].
-            place: Of the nodes in the frame of the cylinder [m], shape (3, n).
-            lies: Whether cable lies on cable.
-        """
-        tolerance = self._on_cable if lies else self._tolerance
-        both = min(place.shape[1], self._seen.shape[1])
-        moved = ((place[:, :both] - self._seen[:, :both]) ** 2).sum(axis=0)
-        self._seen = place
-        self._next = t + LOOK_PERIOD
-        restless = np.flatnonzero(~(moved <= tolerance**2))
-        return int(restless[0]) if restless.size else both
 
 
 class RodWinding(WindingModel):
@@ -129,28 +82,38 @@ class RodWinding(WindingModel):
         self._constants = resolved.constants
         self._axial, self._relaxation = resolved.axial, resolved.relaxation
         self.step_limit = resolved.step
-        stretch = resolved.stretch
-        count = max(3, round(config.free_length / (stretch * config.resolved.segment)))
-        along = np.arange(count + 1) * config.resolved.segment * stretch
-        along[-1] = config.free_length
-        position = np.zeros((3, count + 1))
-        position[0] = self._constants.contact_line
-        position[0, 0] = self._constants.start_radius
-        position[1] = -along
         self._relaxes = bool(config.case.material.prony.shares)
-        self._nodes = RodNodes(
-            position,
-            np.diff(along) / stretch,
-            Fading.of(resolved) if self._relaxes else None,
-            resolved.elastic_tension(stretch),
-        )
+        guide = GuidePlace.beside(self._constants.contact_line, config.free_length)
+        self._nodes = self._straight(guide)
         self._surface_rate = 0.0
         self._last_step = self.step_limit
         on_cable = STILL_SHARE / STIRRED_SHARE * STIRRED_ON_CABLE * resolved.constants.touch.apart
         self._stillness = Stillness(resolved.still, on_cable)
         self._wound = WoundSurface(self._constants.touch.apart)
         # The free span's nodes, those that stay awake, and as many as are worth being moved.
-        self._enough = count + AWAKE + WATCHED + FEWEST_TO_REST
+        self._enough = self._nodes.total - 1 + AWAKE + WATCHED + FEWEST_TO_REST
+        self._initial_energy = self._stored(self._whole())
+
+    def _straight(self, guide: GuidePlace) -> RodNodes:
+        """Return nodes of a straight span from P0 to the guide."""
+        resolved, k = self.config.resolved, self._constants
+        span, stretch = math.hypot(guide.x - k.contact_line, guide.y), resolved.stretch
+        count = max(3, round(span / (stretch * resolved.segment)))
+        along = np.arange(count + 1) * resolved.segment * stretch
+        along[-1] = span
+        position = np.zeros((3, count + 1))
+        position[0] = k.contact_line + along * ((guide.x - k.contact_line) / span)
+        position[0, 0] = k.start_radius
+        position[1] = along * (guide.y / span)
+        return RodNodes(
+            position,
+            np.diff(along) / stretch,
+            Fading.of(resolved) if self._relaxes else None,
+            resolved.elastic_tension(stretch),
+        )
+
+    def _begin_at(self, guide: GuidePlace) -> None:
+        self._nodes = self._straight(guide)
         self._initial_energy = self._stored(self._whole())
 
     @property

@@ -15,6 +15,7 @@ from cable_fem_node.dynamics.state import (
     normal_forces,
     penalty,
 )
+from cable_fem_node.rod.rod_records import EYE_X, EYE_Y
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import round_bar
@@ -33,6 +34,7 @@ from cable_fem_node.winding.solid_winding_kernels import (
 )
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel, wound_angles
+from winding_core.machine.readings import GuidePlace
 from winding_core.markers import Markers
 
 STEP_SAFETY = 0.8
@@ -40,6 +42,8 @@ RIM_NODES = 12
 
 # Share of the wound radius by which the contact springs yield; their reach makes up for it.
 SINK_SHARE = 0.002
+# Of the free length: so far a guide may be off its place, which moves a lay by as little.
+_STEADY = 1.0e-3
 
 
 class SolidWinding(WindingModel):
@@ -112,11 +116,25 @@ class SolidWinding(WindingModel):
         self._initial_energy = solid.internal_energy()
         self._scratch.report[STRAIN] = self._initial_energy
 
+    def _begin_at(self, guide: GuidePlace) -> None:
+        self._refuse_moved(guide)
+
+    def _refuse_moved(self, guide: GuidePlace) -> None:
+        """Refuse a guide that does not keep the place that the free length gives it."""
+        own = GuidePlace.beside(self._contact_line, self.config.free_length)
+        if math.hypot(guide.x - own.x, guide.y - own.y) > _STEADY * self.config.free_length:
+            raise ValueError(
+                "the solid element's guide keeps its place across the axis, "
+                f"({own.x:.4g}, {own.y:.4g}) m; it stands at ({guide.x:.4g}, {guide.y:.4g}) m: "
+                "take element rod"
+            )
+
     def _response(self, tension: float) -> tuple[float, float]:
         """Return zeros: stretch and landing follow from the solid's own elements."""
         return 0.0, 0.0
 
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
+        self._refuse_moved(GuidePlace(x=float(drive[EYE_X, 1]), y=float(drive[EYE_Y, 1])))
         steps = max(1, math.ceil(span / self.step_limit))
         end = advance_solid_winding(
             steps,

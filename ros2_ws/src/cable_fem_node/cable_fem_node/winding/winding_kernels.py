@@ -31,7 +31,7 @@ from cable_fem_node.dynamics.state import (
     Points,
     Surface,
 )
-from cable_fem_node.rod.relaxation import branch_energy, decays, fade, strain_under
+from cable_fem_node.rod.relaxation import branch_energy, decays, relax_elements, strain_under
 from cable_fem_node.rod.rod_kernels import (
     bend_end,
     bend_nodes,
@@ -46,6 +46,8 @@ from cable_fem_node.rod.rod_records import (
     CUT_AT,
     DIVERGED,
     EMPTY,
+    EYE_X,
+    EYE_Y,
     FEED,
     FULL,
     GUIDE,
@@ -68,7 +70,6 @@ from cable_fem_node.rod.rod_records import (
     Constants,
     Relaxation,
     RodState,
-    Work,
 )
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 
@@ -91,61 +92,11 @@ def points_of(rows: FloatArray, touching: IntArray, below: FloatArray) -> Points
 
 
 @called
-def relax_elements(
-    elements: int,
-    cable: Points,
-    reference: FloatArray,
-    viscous: FloatArray,
-    decay: FloatArray,
-    ramp: FloatArray,
-    relax: Relaxation,
-    k: Constants,
-    work: Work,
-) -> float:
-    """Take the branches' forces off the elements' tensions; return the heat [J].
-
-    The cylinder is rigid: only its penalty spring lets wound cable sink in. Where the tension fades
-    the spring is shortened so that the cable stays where it is.
-
-    Args:
-        elements: In use; the last one slides through the guide and makes no heat.
-        cable: Nodes; the radii of those in contact are changed.
-        reference: Lengths of the elements [m].
-        viscous: Columns as in `fade`, shape (1 + terms, capacity), changed.
-        decay: As of `decays`, shape (terms,).
-        ramp: As of `decays`, shape (terms,).
-        relax: Of the cable.
-        k: Constants.
-        work: Its tensions are the law's at once, and changed.
-    """
-    x = cable.position
-    stiffness = k.touch.normal_stiffness
-    heat, change_before = 0.0, 0.0
-    for i in range(elements):
-        length = 1.0 / work.inverse[i]
-        strain = length / reference[i] - 1.0
-        taken, change, lost = fade(work.tension[i], strain, viscous, i, decay, ramp, relax)
-        work.tension[i] -= taken
-        if i < elements - 1:
-            heat += reference[i] * lost
-        if i > 0 and cable.touching[i] == 1:
-            radius = math.sqrt(x[0, i] * x[0, i] + x[1, i] * x[1, i])
-            depth = cable.contact_radius[i] - radius
-            # Cable that lies on cable does not press on the cylinder.
-            pressed = 1.0 if depth > 0.0 else 0.0
-            less = pressed * 0.5 * (change_before + change) * length / (k.contact_line * stiffness)
-            cable.contact_radius[i] -= less
-            heat += 0.5 * stiffness * (2.0 * depth - less) * less
-        change_before = change
-    return heat
-
-
-@called
 def move_nodes(
     elements: int,
     dt: float,
     rate: float,
-    guide_speed: float,
+    guide_speed: tuple[float, float, float],
     cable: Points,
     tangent: FloatArray,
     net: FloatArray,
@@ -156,20 +107,23 @@ def move_nodes(
     Mass-proportional damping acts on the velocity relative to the motion that is meant: with
     the surface where the cable lies on it, along the cable's own line with the feed where it
     does not. Damping towards the lab frame would add false tension, and damping towards the
-    straight span would press a stiff cable, which lands on a curve, against the cylinder.
+    straight span would press a stiff cable, which lands on a curve, against the cylinder. What
+    the guide's velocity [m/s] has across the span turns the span; along it cable slips through.
     """
     x, v = cable.position, cable.velocity
     half = 0.5 * k.damping_rate * dt
     decay = (1.0 - half) / (1.0 + half)
     push = dt / (k.mass * (1.0 + half))
     feed = -0.5 * k.contact_line * rate
-    follow = -guide_speed / k.free_length
+    dx, dy = tangent[0, elements - 1], tangent[1, elements - 1]
+    turning = (guide_speed[1] * dx - guide_speed[0] * dy) / k.free_length
+    follow = -guide_speed[2] / k.free_length
     loss = 0.0
     for i in range(1, elements):
         px, py = x[0, i], x[1, i]
         wound = cable.touching[i] == 1
-        rx = -rate * py if wound else feed * (tangent[0, i - 1] + tangent[0, i])
-        ry = rate * px if wound else feed * (tangent[1, i - 1] + tangent[1, i])
+        rx = -rate * py if wound else feed * (tangent[0, i - 1] + tangent[0, i]) + turning * dy * py
+        ry = rate * px if wound else feed * (tangent[1, i - 1] + tangent[1, i]) - turning * dx * py
         rz = 0.0 if wound else follow * py
         wx, wy, wz = v[0, i] - rx, v[1, i] - ry, v[2, i] - rz
         ux = wx * decay + push * net[0, i]
@@ -221,7 +175,7 @@ def advance_winding(
         steps: Number of steps to take.
         dt: Step [s].
         surface_rate: Angular speed of the cylinder in the step before the first [rad/s].
-        drive: Shape (7, 2), rows ANGLE .. LANDING.
+        drive: Shape (9, 2), rows ANGLE .. EYE_Y.
         k: Constants.
         response: Axial response of the cable.
         relax: How the axial stress fades; with terms the last element stands for the cable before
@@ -314,15 +268,25 @@ def advance_winding(
             touch_flanges(1, elements, dt, cable, mass, net, k.touch, ledger)
         if k.rolling:
             roll_nodes(elements, dt, cable, work, k)
-        guide_speed = (next_guide - x[2, elements]) / dt
+        next_x = drive[EYE_X, 0] + share * (drive[EYE_X, 1] - drive[EYE_X, 0])
+        next_y = drive[EYE_Y, 0] + share * (drive[EYE_Y, 1] - drive[EYE_Y, 0])
+        guide_speed = (
+            (next_x - x[0, elements]) / dt,
+            (next_y - x[1, elements]) / dt,
+            (next_guide - x[2, elements]) / dt,
+        )
         # The guide pulls along the last element and pushes the cable that bends at it aside.
+        aside_x = force[0, end] - pull * tangent[0, end]
+        aside_y = force[1, end] - pull * tangent[1, end]
         aside = force[2, end] - pull * tangent[2, end]
         work_at_guide = pull * along(tangent, v, end) + aside * v[2, elements]
+        work_at_guide += aside_x * v[0, elements] + aside_y * v[1, elements]
         ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, tangent, net, k)
-        work_at_guide += pull * along(tangent, v, end) + aside * guide_speed
+        work_at_guide += pull * along(tangent, v, end) + aside * guide_speed[2]
+        work_at_guide += aside_x * guide_speed[0] + aside_y * guide_speed[1]
         ledger[WORK_SPAN] += 0.5 * dt * work_at_guide
 
-        # Prescribed ends: node 0 and its clamp turn with the surface, the guide follows the feed.
+        # Prescribed ends: node 0 and its clamp turn with the surface, the guide goes as it is led.
         angle = next_angle
         cosine, sine = math.cos(angle), math.sin(angle)
         tie_x = cosine * tie[TIE_PLACE, 0] - sine * tie[TIE_PLACE, 1]
@@ -333,8 +297,8 @@ def advance_winding(
         ledger[WORK_TIE] += 0.5 * moment * (rotation + surface_rate * dt)
         x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, tie[TIE_PLACE, 2]
         v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
-        x[2, elements] = next_guide
-        v[2, elements] = guide_speed
+        x[0, elements], x[1, elements], x[2, elements] = next_x, next_y, next_guide
+        v[0, elements], v[1, elements], v[2, elements] = guide_speed
         surface_rate = rate
 
         ex = x[0, elements] - x[0, end]

@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.state import LEDGER_SIZE, EnergyLedger, FloatArray
 from cable_fem_node.rod.rod_records import (
     ANGLE,
+    EYE_X,
     STRETCH,
     TENSION,
 )
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.machine.readings import AxisReading
+from winding_core.machine.readings import AxisReading, GuidePlace
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 NODE_DTYPE = np.dtype(
@@ -51,15 +52,17 @@ class WindingModel(ABC):
         self._initial_energy = 0.0
         self._ledger = np.zeros(LEDGER_SIZE)
         # Both ends of an advance; the model stands at the second one.
-        self._motion = np.zeros((7, 2))
+        self._motion = np.zeros((9, 2))
         self._drive[TENSION] = config.resolved.tension
-        self._drive[STRETCH:] = self._response(config.resolved.tension)
+        self._drive[STRETCH:EYE_X] = self._response(config.resolved.tension)
+        self._drive[EYE_X:] = self._contact_line, -config.free_length
 
     def advance_to(self, t: float, reading: AxisReading, tension: float | None = None) -> None:
         """Advance to a time at which the machine stands and moves as read.
 
         In between, angle and guide follow the cubic through both ends' positions and speeds,
-        the tension a straight line.
+        the tension and the guide's place across the axis a straight line. With the first reading
+        the span begins where the guide stands.
 
         Args:
             t: Time [s], not before the model's own.
@@ -67,16 +70,22 @@ class WindingModel(ABC):
             tension: Measured span tension [N]; None takes the configured tension law.
 
         Raises:
-            ValueError: Time runs backwards or a number is not finite.
+            ValueError: Time runs backwards, a number is not finite, or the guide does not stand
+                outside the wound cable.
             DivergenceError: The integration failed; names time, element and cause.
         """
         angle = reading.cylinder_angle
         inputs = (t, angle, reading.angular_speed, reading.carriage_position, reading.feed_speed)
         if not all(map(math.isfinite, inputs)):
             raise ValueError(f"drive must be finite, got {inputs}")
-        span = t - self.time
+        span, guide = t - self.time, reading.guide
         if span < 0.0:
             raise ValueError(f"time must not run backwards: at {self.time} s, asked for {t} s")
+        if guide is not None:
+            guide.free_length(self._contact_line)
+            if self.element_steps == 0:
+                self._drive[EYE_X:] = guide.x, guide.y
+                self._begin_at(guide)
         if span == 0.0:
             return
         case = self.config.case
@@ -90,7 +99,9 @@ class WindingModel(ABC):
         motion[:, 0] = motion[:, 1]
         motion[:STRETCH, 1] = (*inputs[1:], tension)
         if responses is not None:
-            motion[STRETCH:, 1] = responses
+            motion[STRETCH:EYE_X, 1] = responses
+        if guide is not None:
+            motion[EYE_X:, 1] = guide.x, guide.y
         self._run(t, span, motion)
         self.time = t
 
@@ -105,7 +116,7 @@ class WindingModel(ABC):
 
     @property
     def _drive(self) -> FloatArray:
-        """The end of the last advance, shape (7,), rows ANGLE .. LANDING, as a view."""
+        """The end of the last advance, shape (9,), rows ANGLE .. EYE_Y, as a view."""
         return self._motion[:, 1]
 
     @property
@@ -163,6 +174,10 @@ class WindingModel(ABC):
         """
         cable, laid = self.cable(), self.wound_path()[0].size
         return lift_off_angle(np.stack([cable["x"], cable["y"]]), np.diff(cable["s"]), laid)
+
+    @abstractmethod
+    def _begin_at(self, guide: GuidePlace) -> None:
+        """Begin with a straight span from P0 to the guide."""
 
     @abstractmethod
     def _response(self, tension: float) -> tuple[float, float]:

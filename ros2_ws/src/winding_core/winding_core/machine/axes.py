@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from statistics import fmean
 
 from winding_core.machine.drive import DriveProfile
-from winding_core.machine.readings import AxisReading
+from winding_core.machine.readings import AxisReading, GuidePlace
 from winding_core.parameters import parameter
 from winding_core.units import PLAIN
 
@@ -93,6 +93,7 @@ class JointSample:
     carriage: float  # Position of the carriage's joint.
     cylinder_speed: float = math.nan  # nan where the driver reports none.
     carriage_speed: float = math.nan  # nan where the driver reports none.
+    guide: GuidePlace | None = None  # None where the machine reports none.
 
 
 class AxisReader:
@@ -119,6 +120,7 @@ class AxisReader:
             angular_speed=angular,
             carriage_position=position,
             feed_speed=feed,
+            guide=sample.guide,
         )
 
     def _slopes(self, t: float, angle: float, position: float) -> tuple[float, float]:

@@ -7,6 +7,42 @@ from dataclasses import dataclass
 from typing import Self
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class GuidePlace:
+    """Where the guide's eye stands across the cylinder's axis, in `winder_axis` [m]."""
+
+    x: float
+    y: float
+
+    @classmethod
+    def beside(cls, radius: float, free_length: float) -> Self:
+        """Return the place from which cable lands at azimuth zero.
+
+        Args:
+            radius: Of its centre line there [m].
+            free_length: Of the span [m].
+        """
+        return cls(x=radius, y=-free_length)
+
+    def free_length(self, radius: float) -> float:
+        """Return the tangent span from a centre line's radius [m] to the eye [m].
+
+        Raises:
+            ValueError: The eye does not stand outside that radius.
+        """
+        off = math.hypot(self.x, self.y)
+        if not off > radius:
+            raise ValueError(
+                f"the guide must stand more than {radius:.4g} m off the axis, where the cable "
+                f"lies, got {off:.4g} m"
+            )
+        return math.sqrt((off - radius) * (off + radius))
+
+    def landing(self, radius: float) -> float:
+        """Return the azimuth at which cable lands at a radius [m] [rad]; errors as above."""
+        return math.atan2(self.y, self.x) + math.atan2(self.free_length(radius), radius)
+
+
 @dataclass(frozen=True, kw_only=True)
 class AxisReading:
     """Cylinder and carriage, measured or commanded."""
@@ -15,12 +51,23 @@ class AxisReading:
     angular_speed: float  # [rad/s]
     carriage_position: float  # Way of the guide along +z since the start [m].
     feed_speed: float  # [m/s]
+    # Across the axis; None for a guide that keeps the place that its free length gives it.
+    guide: GuidePlace | None = None
+
+    @property
+    def numbers(self) -> tuple[float, float, float, float]:
+        """Angle, its speed, position of the carriage, its speed."""
+        return self.cylinder_angle, self.angular_speed, self.carriage_position, self.feed_speed
 
     @classmethod
     def of_positions(cls, cylinder_angle: float, carriage_position: float) -> Self:
         """Return a reading of positions [rad], [m] without speeds, which are nan."""
-        speeds = {"angular_speed": math.nan, "feed_speed": math.nan}
-        return cls(cylinder_angle=cylinder_angle, carriage_position=carriage_position, **speeds)
+        return cls(
+            cylinder_angle=cylinder_angle,
+            angular_speed=math.nan,
+            carriage_position=carriage_position,
+            feed_speed=math.nan,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

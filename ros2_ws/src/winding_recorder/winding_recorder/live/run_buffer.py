@@ -268,6 +268,9 @@ def buffered_inputs(buffer: RunBuffer, since: float = 0.0) -> RunInputs:
     samples["t"] = [t for t, _ in readings]
     for name in ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed"):
         samples[name] = [getattr(reading, name) for _, reading in readings]
+    for k, (_, reading) in enumerate(readings):
+        if reading.guide is not None:
+            samples["guide_x"][k], samples["guide_y"][k] = reading.guide.x, reading.guide.y
     if tensions:
         times = np.array([t for t, _ in tensions])
         forces = np.array([force for _, force in tensions])

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import astuple, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -350,5 +350,5 @@ def axis_trial(config: MachineConfig, seed: int = 0) -> NDArray[np.float64]:
     rows = []
     for _ in range(round(config.duration * SAMPLE_RATE)):
         machine.step()
-        rows.append((machine.time, *astuple(machine.reading()), *astuple(machine.setpoints())))
+        rows.append((machine.time, *machine.reading().numbers, *machine.setpoints().numbers))
     return np.array(rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import astuple, fields, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -65,8 +65,8 @@ class Outputs:
 
     def joints(self, topic: Topic, t: float, reading: AxisReading) -> None:
         """Publish both axes, as measured or as commanded."""
-        for stamp, values in self._through(topic, t, lambda: _axis_values(reading)):
-            sent = reading if values is None else _axis_reading(values)
+        for stamp, values in self._through(topic, t, lambda: np.array(reading.numbers)):
+            sent = reading if values is None else _with_numbers(reading, values)
             self._publish(topic, encode_joint_state(stamp, sent))
 
     def measured(
@@ -128,13 +128,15 @@ def due(sample: int, topic: Topic) -> bool:
     return sample % round(SAMPLE_RATE / topic.rate) == 0
 
 
-def _axis_values(reading: AxisReading) -> Values:
-    return np.array(astuple(reading))
-
-
-def _axis_reading(values: Values) -> AxisReading:
-    names = (item.name for item in fields(AxisReading))
-    return AxisReading(**dict(zip(names, map(float, values), strict=True)))
+def _with_numbers(reading: AxisReading, values: Values) -> AxisReading:
+    angle, angular_speed, position, feed_speed = map(float, values)
+    return replace(
+        reading,
+        cylinder_angle=angle,
+        angular_speed=angular_speed,
+        carriage_position=position,
+        feed_speed=feed_speed,
+    )
 
 
 def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Status:

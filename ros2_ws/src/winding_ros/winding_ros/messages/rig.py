@@ -13,13 +13,15 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
 from winding_core.machine.axes import AxisReader, JointSample, MachineAxes
-from winding_core.machine.readings import CABLE_TENSION, AxisReading, Quantity
+from winding_core.machine.readings import CABLE_TENSION, AxisReading, GuidePlace, Quantity
 from winding_ros.messages.cdr import CdrError, CdrReader, Template, number_at, serialised
 from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.messages.stamps import decode_stamp, serialised_stamp
 
 CYLINDER_JOINT = "cylinder_joint"
 CARRIAGE_JOINT = "carriage_joint"
+# Joints of a guide that does not keep its place across the axis, along x and y of BASE_FRAME [m].
+GUIDE_JOINTS = ("guide_x_joint", "guide_y_joint")
 BASE_FRAME = "winder_axis"
 _PLAIN_AXES = MachineAxes()
 _DOUBLE = struct.Struct("<d")
@@ -27,29 +29,33 @@ _NUMBERS = {"double": _DOUBLE, "float": struct.Struct("<f")}
 
 
 def encode_joint_state(t: float, reading: AxisReading) -> bytes:
-    """Return both axes as the CDR bytes of a JointState stamped t [s]."""
-    template, (cylinder, carriage), (fast, slow) = _joint_state_template()
+    """Return both axes as the CDR bytes of a JointState stamped t [s], and the guide's place."""
+    guide = reading.guide
+    template, layout = _joint_state_template(guide is not None)
     into, message = _DOUBLE.pack_into, template.stamped(t)
+    cylinder, carriage = layout.positions
+    fast, slow = layout.velocities
+    assert fast is not None
+    assert slow is not None
     into(message, cylinder, reading.cylinder_angle)
     into(message, carriage, reading.carriage_position)
     into(message, fast, reading.angular_speed)
     into(message, slow, reading.feed_speed)
+    if guide is not None and layout.guide is not None:
+        into(message, layout.guide[0], guide.x)
+        into(message, layout.guide[1], guide.y)
     return bytes(message)
 
 
 @cache
-def _joint_state_template() -> tuple[Template, tuple[int, int], tuple[int, int]]:
-    """Return the message, and where its positions and velocities stand."""
-    message = JointState(
-        name=[CYLINDER_JOINT, CARRIAGE_JOINT], position=[0.0, 0.0], velocity=[0.0, 0.0]
-    )
+def _joint_state_template(guided: bool) -> tuple[Template, JointStateLayout]:
+    """Return the message, with the guide's place or without, and where its numbers stand."""
+    names = [CYLINDER_JOINT, CARRIAGE_JOINT, *(GUIDE_JOINTS if guided else ())]
+    zeros = [0.0] * len(names)
+    message = JointState(name=names, position=zeros, velocity=zeros)
     message.header.frame_id = BASE_FRAME
     template = Template.of(message)
-    layout = JointStateLayout.of(template.data, (CYLINDER_JOINT, CARRIAGE_JOINT))
-    fast, slow = layout.velocities
-    assert fast is not None
-    assert slow is not None
-    return template, layout.positions, (fast, slow)
+    return template, JointStateLayout.of(template.data, (CYLINDER_JOINT, CARRIAGE_JOINT))
 
 
 def decode_joint_state(message: JointState) -> tuple[float, AxisReading]:
@@ -81,13 +87,21 @@ def decode_joint_sample(message: JointState, axes: MachineAxes) -> JointSample:
     speeds = tuple(
         velocity[joint] if joint < len(velocity) else math.nan for joint in (cylinder, carriage)
     )
-    _check_finite(*positions, *speeds)
+    guide = None
+    if set(GUIDE_JOINTS) <= set(names):
+        try:
+            x, y = (float(message.position[names.index(joint)]) for joint in GUIDE_JOINTS)
+        except IndexError:
+            raise MessageError(_incomplete(message, axes, "position")) from None
+        guide = GuidePlace(x=x, y=y)
+    _check_finite(*positions, *speeds, guide=guide)
     return JointSample(
         t=decode_stamp(message.header.stamp),
         cylinder=positions[0],
         carriage=positions[1],
         cylinder_speed=speeds[0],
         carriage_speed=speeds[1],
+        guide=guide,
     )
 
 
@@ -128,16 +142,26 @@ class JointStateReader:
                 self._layout = None
             return sample
         t, cylinder, carriage, fast, slow = layout.numbers(data)
-        _check_finite(cylinder, carriage, fast, slow)
+        guide = layout.guide_place(data)
+        _check_finite(cylinder, carriage, fast, slow, guide=guide)
         return JointSample(
-            t=t, cylinder=cylinder, carriage=carriage, cylinder_speed=fast, carriage_speed=slow
+            t=t,
+            cylinder=cylinder,
+            carriage=carriage,
+            cylinder_speed=fast,
+            carriage_speed=slow,
+            guide=guide,
         )
 
 
-def _check_finite(cylinder: float, carriage: float, *speeds: float) -> None:
+def _check_finite(
+    cylinder: float, carriage: float, *speeds: float, guide: GuidePlace | None
+) -> None:
     # A velocity that is not a number is one that the driver does not measure.
     if not (math.isfinite(cylinder) and math.isfinite(carriage)) or any(map(math.isinf, speeds)):
         raise MessageError(f"joint state must be finite, got {(cylinder, carriage, *speeds)}")
+    if guide is not None and not (math.isfinite(guide.x) and math.isfinite(guide.y)):
+        raise MessageError(f"the guide's place must be finite, got ({guide.x}, {guide.y}) m")
 
 
 def _incomplete(message: JointState, axes: MachineAxes, wanted: str) -> str:
@@ -232,6 +256,7 @@ class JointStateLayout:
     positions: tuple[int, int]  # Offsets of both positions.
     # Offsets of both velocities; None for joints without.
     velocities: tuple[int | None, int | None]
+    guide: tuple[int, int] | None = None  # Offsets of the guide's x and y; None without them.
 
     @classmethod
     def of(cls, data: bytes, joints: tuple[str, str]) -> JointStateLayout:
@@ -261,6 +286,12 @@ class JointStateLayout:
         if max(places) >= positions:
             raise ValueError(f"{positions} positions of {len(names)} joints")
         cylinder, carriage = places
+        guide = None
+        if set(GUIDE_JOINTS) <= set(names):
+            x, y = (first + 8 * names.index(joint) for joint in GUIDE_JOINTS)
+            if max(x, y) >= first + 8 * positions:
+                raise ValueError(f"{positions} positions of {len(names)} joints")
+            guide = (x, y)
         return cls(
             size=len(data),
             fixed=tuple((slice(begin, end), data[begin:end]) for begin, end in spans),
@@ -269,11 +300,19 @@ class JointStateLayout:
                 second + 8 * cylinder if cylinder < velocities else None,
                 second + 8 * carriage if carriage < velocities else None,
             ),
+            guide=guide,
         )
 
     def fits(self, data: bytes) -> bool:
         """Return whether a message has this layout."""
         return len(data) == self.size and all(data[where] == what for where, what in self.fixed)
+
+    def guide_place(self, data: bytes) -> GuidePlace | None:
+        """Return where the guide stands across the axis by a message; None without."""
+        if self.guide is None:
+            return None
+        x, y = (float(_DOUBLE.unpack_from(data, place)[0]) for place in self.guide)
+        return GuidePlace(x=x, y=y)
 
     def numbers(self, data: bytes) -> tuple[float, float, float, float, float]:
         """Return stamp [s], both positions and both velocities; nan for a velocity not measured."""

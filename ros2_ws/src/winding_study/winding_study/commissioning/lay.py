@@ -67,11 +67,13 @@ class CellLay:
         # What lands late on one cell has landed on another.
         reach = _BEYOND * self.end
         self.inputs = continued_inputs(inputs, reach)
-        forward = turning(self.inputs)
+        forward, span = turning(self.inputs, config)
         self._theta = np.linspace(0.0, reach, max(8, math.ceil(reach / _STEP)) + 1)
         self._guide = np.interp(
             self._theta, forward["cylinder_angle"], forward["carriage_position"]
         )
+        longer = span - config.free_length
+        self._longer = np.interp(self._theta, forward["cylinder_angle"], longer)
         self.advance = float(self._guide[-1] - self._guide[0]) / reach  # [m/rad]
         self.pull = _averaged(self._theta, forward["cylinder_angle"], forward["tension"])
         self._commanded = motion.pull_at(self._theta)
@@ -101,7 +103,7 @@ class CellLay:
         held = _held(span, numbers["friction"], step)
         stretch = tables.stretch(held - bent)
         radius = case.cylinder_radius + case.cable_radius * tables.lateral(held)
-        lag = numbers["free_length"][:, None] * cosine / radius
+        lag = (numbers["free_length"][:, None] + self._longer) * cosine / radius
         z = _followed(lag, self._guide + numbers["eye"][:, None] * (theta > 0.0), step)
         slope = np.gradient(z, step, axis=1)
         density = np.hypot(radius, slope) / stretch

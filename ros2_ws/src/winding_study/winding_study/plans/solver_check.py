@@ -14,7 +14,7 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from lay_control_node.planning.lay_plan import FULL_TURN, LayPlan
 from winding_core.lay.guide_path import lay_of
 from winding_core.markers import Markers, is_wound
-from winding_core.run_inputs import INPUT_DTYPE
+from winding_core.run_inputs import no_inputs
 
 Array = NDArray[np.float64]
 
@@ -58,7 +58,7 @@ def wind_plan(plan: LayPlan, config: WindingConfig) -> SolverLay:
         ValueError: The rod cannot be right about it.
     """
     rows = plan.samples(plan.times(_PERIOD))
-    inputs = np.zeros(rows.t.size, dtype=INPUT_DTYPE)
+    inputs = no_inputs(rows.t.size)
     inputs["t"] = rows.t
     inputs["cylinder_angle"], inputs["angular_speed"] = rows.cylinder, rows.cylinder_speed
     inputs["carriage_position"], inputs["feed_speed"] = rows.guide, rows.guide_speed
