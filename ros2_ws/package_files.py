@@ -83,6 +83,9 @@ PACKAGES = {
     "winding_plc_driver": _node(
         "winding_plc_driver", "Driver for a winding machine that a PLC runs, over OPC UA."
     ),
+    "winding_arm_driver": _node(
+        "winding_arm_driver", "Driver for a winding machine whose guide a robot arm carries."
+    ),
     "winding_supervisor": Package(
         description="Starts the graph's processes, drives their lifecycle, supervises a run.",
         floor=4,
@@ -183,6 +186,7 @@ ROSDEP_KEYS = {
     "joblib": "python3-joblib",
     "matplotlib": "python3-matplotlib",
     "numpy": "python3-numpy",
+    "pinocchio": "pinocchio",
     "psutil": "python3-psutil",
     "rich": "python3-rich",
     "scipy": "python3-scipy",

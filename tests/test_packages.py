@@ -17,6 +17,7 @@ PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 # Import name -> name on PyPI, where they differ.
 PYPI_NAMES = {
     "cv2": "opencv-python-headless",
+    "pinocchio": "pin",
     "jinja2": "Jinja2",
     "sklearn": "scikit-learn",
     "yaml": "PyYAML",
@@ -84,7 +85,7 @@ def test_every_library_is_in_the_root_project(generator: ModuleType) -> None:
     extras = project["optional-dependencies"]
     further = [
         text
-        for name in ("dashboard", "cluster", "opcua", "train", "tables")
+        for name in ("dashboard", "cluster", "opcua", "arm", "train", "tables")
         for text in extras[name]
     ]
     wanted = [*project["dependencies"], *further]

@@ -28,7 +28,7 @@ PLACES = {
         r"(winding_ros|winding_supervisor|winding_cli)/"
         r"|winding_recorder/winding_recorder/(live|playback)/"
         r"|winding_bringup/winding_bringup/launch/"
-        r"|(\w+_node|winding_dashboard|winding_plc_driver)/\w+/(node\.py|__main__\.py|ros/)"
+        r"|(\w+_node|winding_dashboard|winding_(plc|arm)_driver)/\w+/(node\.py|__main__\.py|ros/)"
     ),
     re.compile(r"torch"): re.compile(r"correction_node/"),
     re.compile(r"cv2"): re.compile(
@@ -38,6 +38,7 @@ PLACES = {
         r"winding_dashboard/winding_dashboard/(web/|__main__\.py)"
     ),
     re.compile(r"asyncua"): re.compile(r"winding_plc_driver/winding_plc_driver/opcua/"),
+    re.compile(r"pinocchio"): re.compile(r"winding_arm_driver/winding_arm_driver/kinematics\.py"),
 }
 
 

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 import yaml
 
+from winding_core.machine.joining import Sample
 from winding_core.status import Status
 from winding_plc_driver.driver import Driver
-from winding_plc_driver.machine.joining import Measured, Sample
 from winding_plc_driver.machine.mapping import parse_mapping
+from winding_plc_driver.machine.pacing import Measured
 from winding_plc_driver.opcua.session import Session
 
 pytestmark = [pytest.mark.processes, pytest.mark.slow]

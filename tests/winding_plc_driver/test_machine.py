@@ -9,8 +9,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from winding_core.machine.joining import Joiner, Sample
 from winding_core.machine.readings import CABLE_TENSION, Quantity
-from winding_plc_driver.machine.joining import Joiner, Pacer, Sample
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
 from winding_plc_driver.machine.mapping import (
     Heartbeat,
@@ -21,6 +21,7 @@ from winding_plc_driver.machine.mapping import (
     read_mapping,
     read_password,
 )
+from winding_plc_driver.machine.pacing import Pacer
 from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue, VariableReader
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "opcua_machine.yaml"

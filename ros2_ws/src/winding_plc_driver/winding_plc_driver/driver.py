@@ -7,10 +7,11 @@ import contextlib
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
+from winding_core.machine.joining import Joiner, Sample
 from winding_core.status import Level, Status
-from winding_plc_driver.machine.joining import Joiner, Measured, Pacer, Sample
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
 from winding_plc_driver.machine.mapping import AXES, START, MachineMapping, State
+from winding_plc_driver.machine.pacing import Measured, Pacer
 from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue, VariableReader
 from winding_plc_driver.opcua.nodes import READ, STATE
 from winding_plc_driver.opcua.request import LinkError, RefusedError

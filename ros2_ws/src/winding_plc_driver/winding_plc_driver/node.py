@@ -16,8 +16,8 @@ from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
+from winding_core.machine.joining import Sample
 from winding_core.status import Status
-from winding_plc_driver.machine.joining import Measured, Sample
 from winding_plc_driver.machine.mapping import (
     ANGLE,
     ANGULAR_SPEED,
@@ -25,6 +25,7 @@ from winding_plc_driver.machine.mapping import (
     COMMANDS,
     FEED_SPEED,
 )
+from winding_plc_driver.machine.pacing import Measured
 from winding_ros import graph, services, topics
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.messages.rig import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, encode_quantity

@@ -9,10 +9,10 @@ from typing import Self
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class GuidePlace:
-    """Where the guide's eye stands across the cylinder's axis, in `winder_axis` [m]."""
+    """Where the guide's eye stands across the cylinder's axis, in `winder_axis`."""
 
-    x: float
-    y: float
+    x: float  # [m]
+    y: float  # [m]
 
     @classmethod
     def beside(cls, radius: float, free_length: float) -> Self:

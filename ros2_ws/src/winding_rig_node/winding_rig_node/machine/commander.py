@@ -6,6 +6,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from winding_core.machine.commanded_axis import (
+    HOLD,
+    Aim,
+    CommandedAxis,
+    MotionLimits,
+    Planned,
+    Target,
+)
 from winding_core.machine.commands import (
     CARRIAGE,
     CYLINDER,
@@ -15,14 +23,6 @@ from winding_core.machine.commands import (
     JointTrajectory,
     TensionCommand,
     Waypoint,
-)
-from winding_rig_node.machine.commanded_axis import (
-    HOLD,
-    Aim,
-    CommandedAxis,
-    MotionLimits,
-    Planned,
-    Target,
 )
 
 # Speed at which a trajectory's end still counts as standing, as a share of the axis's limit.

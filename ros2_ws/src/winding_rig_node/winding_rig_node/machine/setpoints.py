@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from winding_core.machine.commanded_axis import CommandedAxis
 from winding_core.machine.commands import CARRIAGE, CYLINDER
 from winding_rig_node.machine.axis import AxisState
-from winding_rig_node.machine.commanded_axis import CommandedAxis
 from winding_rig_node.machine.commander import Commander
 from winding_rig_node.machine.machine_config import MachineConfig, MachineState, Phase, PhaseError
 

@@ -1,0 +1,5 @@
+"""Installs the package for colcon, as setup.cfg declares it."""
+
+from setuptools import setup
+
+setup()

@@ -1,0 +1,1 @@
+"""Driver for a winding machine whose guide a robot arm carries."""

@@ -1,0 +1,151 @@
+"""What the arm reports becomes the guide's place; what is wanted of the guide leads the arm."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from winding_arm_driver.frames import FrameTree
+from winding_arm_driver.kinematics import Arm
+from winding_arm_driver.leading import GuideLead, Led
+from winding_arm_driver.mapping import ArmMapping
+from winding_arm_driver.rigid import FloatArray, Pose
+from winding_core.machine.commands import CARRIAGE, JointTargets
+from winding_core.machine.joining import Joiner
+from winding_core.machine.readings import AxisReading, GuidePlace
+
+_ANGLE, _PLACE = "angle", ("x", "y", "z")
+# How long a value of the cylinder waits for one of the guide, and the other way round [s].
+WAIT = 0.1
+# Without a report for so long the guide is silent [s].
+_SILENT = 1.0
+
+
+class Guided:
+    """The guide of one machine.
+
+    Args:
+        mapping: Of the machine.
+
+    Attributes:
+        lead: What leads the guide.
+
+    Raises:
+        ArmError: The arm's description cannot be used.
+    """
+
+    def __init__(self, mapping: ArmMapping) -> None:
+        guide = mapping.guide
+        self._mapping = mapping
+        self._axis = mapping.winder_axis.pose
+        self._arm = Arm(Path(guide.urdf), guide.base, guide.tip) if guide.urdf else None
+        self._eye = np.array(guide.eye_m, dtype=float)
+        self._frames = FrameTree()
+        self._joiner = Joiner((_ANGLE, *_PLACE), WAIT)
+        self._tip: Pose | None = None
+        self._joints: FloatArray | None = None
+        self._heard = {"cylinder": -np.inf, "guide": -np.inf}
+        self.lead = GuideLead(mapping.commands, self._axis, self._eye, self._arm)
+
+    @property
+    def joint_names(self) -> list[str]:
+        """Names of the arm's joints in the order of its commands; empty without kinematics."""
+        return [joint.name for joint in self._arm.joints] if self._arm is not None else []
+
+    def add_cylinder(self, stamp_ns: int, position: float, now: float) -> None:
+        """Take a position of the cylinder's joint in its own unit, at a monotonic time [s].
+
+        Raises:
+            ValueError: It is not finite.
+        """
+        angle = self._mapping.cylinder.scale * position
+        if not np.isfinite(angle):
+            raise ValueError(f"the cylinder's position must be finite, got {position}")
+        self._heard["cylinder"] = now
+        self._joiner.add(_ANGLE, stamp_ns, angle, now)
+
+    def add_joints(self, stamp_ns: int, by_name: Mapping[str, float], now: float) -> None:
+        """Take positions of the arm's joints [rad or m], at a monotonic time [s].
+
+        Raises:
+            ValueError: One is missing or not finite.
+        """
+        assert self._arm is not None
+        joints = self._arm.positions(by_name)
+        if not np.isfinite(joints).all():
+            raise ValueError(f"the arm's joints must be finite, got {joints.tolist()}")
+        self._joints = joints
+        self.add_tip(stamp_ns, self._arm.tip(joints), now)
+
+    def add_tip(self, stamp_ns: int, tip: Pose, now: float) -> None:
+        """Take where the tip stands in the base, at a monotonic time [s]."""
+        self._tip = tip
+        self._heard["guide"] = now
+        eye = self._axis.inverse().point(tip.point(self._eye))
+        for name, number in zip(_PLACE, eye.tolist(), strict=True):
+            self._joiner.add(name, stamp_ns, number, now)
+
+    def add_transform(self, parent: str, child: str, pose: Pose) -> None:
+        """Take where a child frame stands in its parent."""
+        self._frames.add(parent, child, pose)
+
+    def look_up(self, stamp_ns: int, now: float) -> None:
+        """Take the tip where the newest transforms have it.
+
+        Raises:
+            ValueError: The transforms lead in a circle.
+        """
+        tip = self._frames.between(self._mapping.guide.base, self._mapping.guide.tip)
+        if tip is not None:
+            self.add_tip(stamp_ns, tip, now)
+
+    def readings(self, now: float) -> list[tuple[int, AxisReading]]:
+        """Return stamps [ns] and readings that are complete at a monotonic time [s].
+
+        Speeds are nan: the readers take slopes.
+        """
+        found = []
+        for sample in self._joiner.take(now):
+            x, y, z = (sample.values[name] for name in _PLACE)
+            reading = AxisReading(
+                cylinder_angle=sample.values[_ANGLE],
+                angular_speed=np.nan,
+                carriage_position=z,
+                feed_speed=np.nan,
+                guide=GuidePlace(x=x, y=y),
+            )
+            found.append((sample.stamp_ns, reading))
+        return found
+
+    def aim(self, targets: JointTargets, now: float) -> None:
+        """Take targets of the axes at a time of their clock [s].
+
+        Raises:
+            ValueError: They cannot be followed; nothing changes.
+        """
+        if set(targets.axes) != {CARRIAGE}:
+            raise ValueError(
+                f"the arm leads the guide alone: targets must be of the {CARRIAGE}, "
+                f"got {', '.join(targets.axes)}"
+            )
+        if self._tip is None:
+            raise ValueError("the guide cannot be led before the arm has reported where it stands")
+        self.lead.aim(
+            targets.axes[CARRIAGE],
+            stamp=targets.t or now,
+            now=now,
+            tip=self._tip,
+            joints=self._joints,
+        )
+
+    def advance(self, t: float, dt: float) -> Led | None:
+        """Lead the guide from t [s] on by dt [s]; None while no target has come."""
+        return None if self._tip is None else self.lead.advance(t, dt, self._tip)
+
+    def silence(self, now: float) -> str:
+        """Return what has not been reported for a while at a monotonic time [s], or nothing."""
+        late = [name for name, heard in self._heard.items() if now - heard > _SILENT]
+        topics = {"cylinder": self._mapping.cylinder.topic, "guide": self._mapping.guide.topic}
+        return ", ".join(f"nothing of the {name} arrives on {topics[name]}" for name in late)

@@ -1,0 +1,165 @@
+"""Kinematics of the arm from its URDF, by Pinocchio: where the guide is, and how it is led."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio
+from scipy.spatial.transform import Rotation
+
+from winding_arm_driver.rigid import FloatArray, Pose
+
+# A step of the inverse kinematics ends when the tip is so near [m], [rad].
+_NEAR = 1.0e-6
+_MOST_STEPS = 30
+# Damping of the least squares, beside singular values of about one: moves little where none is.
+_DAMPING = 1.0e-4
+
+
+class ArmError(ValueError):
+    """A URDF cannot be used, or a pose is out of the arm's reach."""
+
+
+class Joint(NamedTuple):
+    """Limits of a joint."""
+
+    name: str  # In description and joint states
+    low: float  # Start of its travel [rad or m]
+    high: float  # End of its travel [rad or m]
+    speed: float  # Largest speed [rad/s or m/s]
+
+
+class Arm:
+    """An arm from its base to a tip; its joints are those in between, in this order.
+
+    Args:
+        urdf: File of its description.
+        base: Link that poses are given in.
+        tip: Link that carries the guide.
+
+    Attributes:
+        joints: Those that move between base and tip.
+
+    Raises:
+        ArmError: The file is no URDF, a link is missing, or a joint has more than one axis.
+    """
+
+    def __init__(self, urdf: Path, base: str, tip: str) -> None:
+        try:
+            self._model = pinocchio.buildModelFromXML(urdf.read_text(encoding="utf-8"))
+        except (OSError, UnicodeError, ValueError, RuntimeError) as error:
+            reason = " ".join(str(error).split())
+            raise ArmError(f"{urdf} is no robot description: {reason}") from None
+        self._data = self._model.createData()
+        self._base, self._tip = self._link(base), self._link(tip)
+        chain = self._chain(tip)
+        behind = set(self._chain(base))
+        self.joints = tuple(self._joint(k) for k in chain if k not in behind)
+        if not self.joints:
+            raise ArmError(f"no joint moves {tip} in {base}")
+        self._q = np.array(pinocchio.neutral(self._model))
+        kept = [k for k in chain if k not in behind]
+        self._places = [self._model.joints[k].idx_q for k in kept]
+        self._rates = [self._model.joints[k].idx_v for k in kept]
+
+    def tip(self, q: FloatArray) -> Pose:
+        """Return the tip in the base at joint positions [rad or m], shape (joints,)."""
+        found = self._moved(q)
+        return Pose(
+            position=found.translation.copy(), rotation=Rotation.from_matrix(found.rotation)
+        )
+
+    def positions(self, by_name: Mapping[str, float]) -> FloatArray:
+        """Return positions by joint name in the order of the joints, shape (joints,).
+
+        Raises:
+            ArmError: One is missing.
+        """
+        missing = [joint.name for joint in self.joints if joint.name not in by_name]
+        if missing:
+            raise ArmError(f"joint states lack {', '.join(missing)} of the arm")
+        return np.array([by_name[joint.name] for joint in self.joints])
+
+    def jacobian(self, q: FloatArray) -> FloatArray:
+        """Return how the tip moves and turns with the joints, in its axes, shape (6, joints)."""
+        self._moved(q)
+        pinocchio.computeJointJacobians(self._model, self._data, self._whole(q))
+        own = pinocchio.getFrameJacobian(
+            self._model, self._data, self._tip, pinocchio.ReferenceFrame.LOCAL
+        )
+        return np.asarray(own[:, self._rates])
+
+    def solved(self, wanted: Pose, q: FloatArray) -> FloatArray:
+        """Return joint positions with the tip at a pose in the base, from positions near by.
+
+        Raises:
+            ArmError: The pose is out of reach, or a joint's travel ends before.
+        """
+        aim = pinocchio.SE3(wanted.rotation.as_matrix(), np.asarray(wanted.position))
+        found = np.array(q, dtype=float)
+        for _ in range(_MOST_STEPS):
+            off = pinocchio.log6(self._moved(found).actInv(aim)).vector
+            if np.abs(off).max() < _NEAR:
+                break
+            slopes = self.jacobian(found)
+            normal = slopes.T @ slopes + _DAMPING**2 * np.eye(found.size)
+            found = found + np.linalg.solve(normal, slopes.T @ off)
+        else:
+            where = ", ".join(f"{number:.4g}" for number in wanted.position)
+            raise ArmError(f"the arm does not reach ({where}) m with its tool turned as it is")
+        for joint, position in zip(self.joints, found.tolist(), strict=True):
+            if not joint.low <= position <= joint.high:
+                raise ArmError(
+                    f"{joint.name} would go to {position:.4g}, beyond its travel of "
+                    f"{joint.low:.4g} to {joint.high:.4g}"
+                )
+        return found
+
+    def speeds(self, q: FloatArray, direction: FloatArray) -> FloatArray:
+        """Return joint speeds that carry the tip at a velocity without turning it.
+
+        Args:
+            q: Positions, shape (joints,).
+            direction: Velocity in the base [m/s], shape (3,).
+
+        Returns:
+            Speeds [rad/s or m/s], shape (joints,); large near a singularity.
+        """
+        slopes = self.jacobian(q)
+        own = self.tip(q).rotation.inv().apply(direction)
+        normal = slopes.T @ slopes + _DAMPING**2 * np.eye(q.size)
+        return np.linalg.solve(normal, slopes.T @ np.concatenate([own, np.zeros(3)]))
+
+    def _moved(self, q: FloatArray) -> pinocchio.SE3:
+        pinocchio.framesForwardKinematics(self._model, self._data, self._whole(q))
+        placed = self._data.oMf
+        return placed[self._base].actInv(placed[self._tip])
+
+    def _whole(self, q: FloatArray) -> FloatArray:
+        self._q[self._places] = q
+        return self._q
+
+    def _link(self, name: str) -> int:
+        if not self._model.existFrame(name):
+            known = [frame.name for frame in self._model.frames if "joint" not in frame.name]
+            raise ArmError(f"the robot description has no link {name}, it has {', '.join(known)}")
+        return int(self._model.getFrameId(name))
+
+    def _chain(self, link: str) -> list[int]:
+        """Return the joints from the root to a link."""
+        joint = self._model.frames[self._link(link)].parentJoint
+        return [int(k) for k in self._model.supports[joint]][1:]
+
+    def _joint(self, index: int) -> Joint:
+        joint, name = self._model.joints[index], self._model.names[index]
+        if (joint.nq, joint.nv) != (1, 1):
+            raise ArmError(
+                f"{name} turns without an end or has several axes: write it as a revolute joint "
+                "with limits"
+            )
+        low = float(self._model.lowerPositionLimit[joint.idx_q])
+        high = float(self._model.upperPositionLimit[joint.idx_q])
+        return Joint(name, low, high, float(self._model.velocityLimit[joint.idx_v]))

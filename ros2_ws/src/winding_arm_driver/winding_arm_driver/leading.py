@@ -1,0 +1,164 @@
+"""How the guide is led along the axis: after a target, within its limits and those of the arm."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from winding_arm_driver.kinematics import Arm, ArmError
+from winding_arm_driver.mapping import Commands
+from winding_arm_driver.rigid import FloatArray, Pose
+from winding_core.machine.commanded_axis import CommandedAxis, MotionLimits, Target
+from winding_core.machine.commands import CARRIAGE, AxisTarget
+
+# The guide is slowed down so that no joint goes faster than this share of its limit.
+_SPEED_SHARE = 0.9
+# Rate at which a commanded velocity closes up to the setpoint [1/s]: a quarter of what a dead time
+# of 50 ms would make ring.
+_CLOSING_RATE = 5.0
+# A guide this much slower than it may go is said to be slowed.
+_SLOWED = 0.98
+
+
+@dataclass(frozen=True, kw_only=True)
+class Led:
+    """What the arm is commanded with at one instant."""
+
+    tip: Pose  # Of the tip, in the base
+    velocity: FloatArray  # Of the eye in the base [m/s], shape (3,)
+    joints: FloatArray | None  # Positions [rad or m]; None without kinematics
+    joint_speeds: FloatArray | None  # [rad/s or m/s]
+
+
+class GuideLead:
+    """Leads the guide from where it stands; it keeps its place across the axis and its turn.
+
+    Args:
+        commands: Limits of the guide.
+        axis: `winder_axis` in the base.
+        eye: The guide's eye in the tip's frame [m], shape (3,).
+        arm: Its kinematics; None where poses or velocities are commanded.
+
+    Attributes:
+        remark: Why the guide is slower than it was asked to be, or does not go on; else empty.
+    """
+
+    def __init__(self, commands: Commands, axis: Pose, eye: FloatArray, arm: Arm | None) -> None:
+        self._commands, self._axis, self._eye, self._arm = commands, axis, eye, arm
+        self._limits = MotionLimits(
+            name=CARRIAGE,
+            speed=commands.speed_m_s,
+            acceleration=commands.acceleration_m_s2,
+            low=commands.low_m,
+            high=commands.high_m,
+        )
+        self._led: CommandedAxis | None = None
+        self._place, self._tip = np.zeros(3), Pose.standing()
+        self._joints: FloatArray | None = None
+        self.remark = ""
+
+    @property
+    def active(self) -> bool:
+        """Whether the guide follows targets."""
+        return self._led is not None
+
+    def aim(
+        self, target: AxisTarget, stamp: float, now: float, tip: Pose, joints: FloatArray | None
+    ) -> None:
+        """Take a target of the guide along the axis.
+
+        Args:
+            target: Position [m] or speed [m/s].
+            stamp: When it holds [s].
+            now: [s]
+            tip: Where the tip stands in the base; with the first target the guide is taken over.
+            joints: Of the arm there [rad or m].
+
+        Raises:
+            ValueError: The target leaves the travel or the speed of the guide; nothing changes.
+        """
+        limits = self._limits
+        position, speed = target.position, target.speed or 0.0
+        if position is not None and not limits.low <= position <= limits.high:
+            raise ValueError(
+                f"the guide must stay within {limits.low:.4g} to {limits.high:.4g} m, "
+                f"got {position:.4g} m"
+            )
+        if abs(speed) > limits.speed:
+            raise ValueError(
+                f"the guide must not be faster than {limits.speed:.4g} m/s, got {speed:.4g} m/s"
+            )
+        if self._led is None:
+            self._tip, self._joints = tip, joints
+            self._place = self._axis.inverse().point(tip.point(self._eye))
+            self._led = CommandedAxis(limits, float(self._place[2]), 0.0)
+        self._led.aim = Target.after(self._led.aim, target, stamp=stamp, now=now, limits=limits)
+
+    def release(self) -> None:
+        """Lead the guide no longer."""
+        self._led, self.remark = None, ""
+
+    def advance(self, t: float, dt: float, tip: Pose) -> Led | None:
+        """Go on from t [s] by dt [s]; return the command, None while nothing is led.
+
+        Args:
+            t: Now [s].
+            dt: Since the last command [s].
+            tip: Where the tip stands in the base; a commanded velocity closes up to the setpoint.
+        """
+        led = self._led
+        if led is None:
+            return None
+        late = led.unattended(t, self._commands.timeout_s)
+        led.limits, self.remark = self._limits, ""
+        arm, joints = self._arm, self._joints
+        along = self._axis.rotation.apply([0.0, 0.0, 1.0])
+        if arm is not None and joints is not None:
+            led.limits = replace(self._limits, speed=self._fastest(arm, joints, along))
+        before = led.position, led.speed
+        if late:
+            led.brake(self._limits.acceleration, dt)
+            self.remark = f"the guide stands: no target has come for {self._commands.timeout_s:g} s"
+        else:
+            led.advance(t, dt)
+        if arm is not None and joints is not None:
+            try:
+                self._joints = arm.solved(self._tip_at(led.position), joints)
+            except ArmError as error:
+                led.position, led.speed = before[0], 0.0
+                self.remark = f"the guide stands at {before[0]:.4g} m: {error}"
+        speeds = None
+        if self._joints is not None and joints is not None:
+            speeds = (self._joints - joints) / dt
+        ahead = led.position + led.speed * self._commands.ahead_s
+        joints = self._joints
+        if arm is not None and joints is not None and speeds is not None:
+            joints = joints + speeds * self._commands.ahead_s
+        behind = led.position - float(self._axis.inverse().point(tip.point(self._eye))[2])
+        speed = min(max(led.speed + _CLOSING_RATE * behind, -led.limits.speed), led.limits.speed)
+        return Led(
+            tip=self._tip_at(ahead), velocity=along * speed, joints=joints, joint_speeds=speeds
+        )
+
+    def _tip_at(self, along: float) -> Pose:
+        """Return the tip with the eye so far along the axis [m]."""
+        eye = self._axis.point([self._place[0], self._place[1], along])
+        turn = self._tip.rotation
+        return Pose(position=eye - turn.apply(self._eye), rotation=turn)
+
+    def _fastest(self, arm: Arm, joints: FloatArray, along: FloatArray) -> float:
+        """Return the largest speed [m/s] with which no joint exceeds its own."""
+        speeds = np.abs(arm.speeds(joints, along))
+        shares = [
+            speed / max(joint.speed, 1.0e-9)
+            for speed, joint in zip(speeds, arm.joints, strict=True)
+        ]
+        worst = int(np.argmax(shares))
+        fastest = min(self._limits.speed, _SPEED_SHARE / max(shares[worst], 1.0e-9))
+        if fastest < _SLOWED * self._limits.speed:
+            self.remark = (
+                f"the guide is slowed to {fastest:.3g} m/s: {arm.joints[worst].name} would exceed "
+                f"{arm.joints[worst].speed:.3g} rad/s near a singularity"
+            )
+        return float(fastest)
