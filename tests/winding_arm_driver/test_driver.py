@@ -41,7 +41,7 @@ class OwnArm:
         self._node, self._mapping = node, mapping
         self.joints = HOME.copy()
         placed = tool(HOME)
-        self.tip = Pose.of(placed[:3, 3], _quaternion(placed[:3, :3]))
+        self.tip = Pose(position=placed[:3, 3], rotation=placed[:3, :3])
         self._velocity = np.zeros(3)
         self._waiting: deque[tuple[float, Callable[[], None]]] = deque()
         guide, commands = mapping.guide, mapping.commands
@@ -110,12 +110,6 @@ class OwnArm:
         state.header.stamp = stamp
         self._encoder.publish(encoder)
         self._states.publish(state)
-
-
-def _quaternion(rotation: np.ndarray) -> np.ndarray:
-    from scipy.spatial.transform import Rotation
-
-    return Rotation.from_matrix(rotation).as_quat()
 
 
 def mapping_of(folder: Path, source: str, kind: str) -> ArmMapping:

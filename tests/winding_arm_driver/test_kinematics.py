@@ -24,7 +24,7 @@ def test_tip_stands_where_the_links_put_it(arm: Arm) -> None:
     for q in rng.uniform(-3.0, 3.0, (20, 6)):
         placed, wanted = arm.tip(q), tool(q)
         assert placed.position == pytest.approx(wanted[:3, 3], abs=ROUNDING)
-        assert placed.rotation.as_matrix() == pytest.approx(wanted[:3, :3], abs=ROUNDING)
+        assert placed.rotation == pytest.approx(wanted[:3, :3], abs=ROUNDING)
 
 
 def test_joints_are_found_for_a_pose_near_by(arm: Arm) -> None:
@@ -42,7 +42,7 @@ def test_jacobian_is_the_change_of_the_tip(arm: Arm) -> None:
         one = step * np.eye(6)[k]
         moved = arm.tip(HOME + one).position - arm.tip(HOME - one).position
         # Of central differences, and of the arm's metre.
-        assert turn.apply(slopes[:3, k]) == pytest.approx(0.5 * moved / step, abs=1.0e-7)
+        assert turn @ slopes[:3, k] == pytest.approx(0.5 * moved / step, abs=1.0e-7)
 
 
 def test_pose_beyond_the_arm_is_refused_with_its_place(arm: Arm) -> None:

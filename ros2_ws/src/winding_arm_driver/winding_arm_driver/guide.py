@@ -39,7 +39,8 @@ class Guided:
     def __init__(self, mapping: ArmMapping) -> None:
         guide = mapping.guide
         self._mapping = mapping
-        self._axis = mapping.winder_axis.pose
+        axis = mapping.winder_axis.pose
+        self._seen = axis.inverse()
         self._arm = Arm(Path(guide.urdf), guide.base, guide.tip) if guide.urdf else None
         self._eye = np.array(guide.eye_m, dtype=float)
         self._frames = FrameTree()
@@ -47,7 +48,7 @@ class Guided:
         self._tip: Pose | None = None
         self._joints: FloatArray | None = None
         self._heard = {"cylinder": -np.inf, "guide": -np.inf}
-        self.lead = GuideLead(mapping.commands, self._axis, self._eye, self._arm)
+        self.lead = GuideLead(mapping.commands, axis, self._eye, self._arm)
 
     @property
     def joint_names(self) -> list[str]:
@@ -83,7 +84,7 @@ class Guided:
         """Take where the tip stands in the base, at a monotonic time [s]."""
         self._tip = tip
         self._heard["guide"] = now
-        eye = self._axis.inverse().point(tip.point(self._eye))
+        eye = self._seen.point(tip.point(self._eye))
         for name, number in zip(_PLACE, eye.tolist(), strict=True):
             self._joiner.add(name, stamp_ns, number, now)
 

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pinocchio
-from scipy.spatial.transform import Rotation
 
 from winding_arm_driver.rigid import FloatArray, Pose
 
@@ -68,9 +67,7 @@ class Arm:
     def tip(self, q: FloatArray) -> Pose:
         """Return the tip in the base at joint positions [rad or m], shape (joints,)."""
         found = self._moved(q)
-        return Pose(
-            position=found.translation.copy(), rotation=Rotation.from_matrix(found.rotation)
-        )
+        return Pose(position=found.translation.copy(), rotation=found.rotation.copy())
 
     def positions(self, by_name: Mapping[str, float]) -> FloatArray:
         """Return positions by joint name in the order of the joints, shape (joints,).
@@ -98,7 +95,7 @@ class Arm:
         Raises:
             ArmError: The pose is out of reach, or a joint's travel ends before.
         """
-        aim = pinocchio.SE3(wanted.rotation.as_matrix(), np.asarray(wanted.position))
+        aim = pinocchio.SE3(wanted.rotation, wanted.position)
         found = np.array(q, dtype=float)
         for _ in range(_MOST_STEPS):
             off = pinocchio.log6(self._moved(found).actInv(aim)).vector
@@ -129,7 +126,7 @@ class Arm:
             Speeds [rad/s or m/s], shape (joints,); large near a singularity.
         """
         slopes = self.jacobian(q)
-        own = self.tip(q).rotation.inv().apply(direction)
+        own = self.tip(q).rotation.T @ direction
         normal = slopes.T @ slopes + _DAMPING**2 * np.eye(q.size)
         return np.linalg.solve(normal, slopes.T @ np.concatenate([own, np.zeros(3)]))
 

@@ -46,6 +46,7 @@ class GuideLead:
 
     def __init__(self, commands: Commands, axis: Pose, eye: FloatArray, arm: Arm | None) -> None:
         self._commands, self._axis, self._eye, self._arm = commands, axis, eye, arm
+        self._seen = axis.inverse()
         self._limits = MotionLimits(
             name=CARRIAGE,
             speed=commands.speed_m_s,
@@ -91,7 +92,7 @@ class GuideLead:
             )
         if self._led is None:
             self._tip, self._joints = tip, joints
-            self._place = self._axis.inverse().point(tip.point(self._eye))
+            self._place = self._seen.point(tip.point(self._eye))
             self._led = CommandedAxis(limits, float(self._place[2]), 0.0)
         self._led.aim = Target.after(self._led.aim, target, stamp=stamp, now=now, limits=limits)
 
@@ -113,7 +114,7 @@ class GuideLead:
         late = led.unattended(t, self._commands.timeout_s)
         led.limits, self.remark = self._limits, ""
         arm, joints = self._arm, self._joints
-        along = self._axis.rotation.apply([0.0, 0.0, 1.0])
+        along = self._axis.rotation[:, 2]
         if arm is not None and joints is not None:
             led.limits = replace(self._limits, speed=self._fastest(arm, joints, along))
         before = led.position, led.speed
@@ -135,7 +136,7 @@ class GuideLead:
         joints = self._joints
         if arm is not None and joints is not None and speeds is not None:
             joints = joints + speeds * self._commands.ahead_s
-        behind = led.position - float(self._axis.inverse().point(tip.point(self._eye))[2])
+        behind = led.position - float(self._seen.point(tip.point(self._eye))[2])
         speed = min(max(led.speed + _CLOSING_RATE * behind, -led.limits.speed), led.limits.speed)
         return Led(
             tip=self._tip_at(ahead), velocity=along * speed, joints=joints, joint_speeds=speeds
@@ -145,7 +146,7 @@ class GuideLead:
         """Return the tip with the eye so far along the axis [m]."""
         eye = self._axis.point([self._place[0], self._place[1], along])
         turn = self._tip.rotation
-        return Pose(position=eye - turn.apply(self._eye), rotation=turn)
+        return Pose(position=eye - turn @ self._eye, rotation=turn)
 
     def _fastest(self, arm: Arm, joints: FloatArray, along: FloatArray) -> float:
         """Return the largest speed [m/s] with which no joint exceeds its own."""

@@ -65,7 +65,7 @@ class WinderAxis:
         """The frame in the arm's base."""
         return Pose(
             position=np.array(self.position_m),
-            rotation=Rotation.from_euler("xyz", self.rotation_rpy_rad),
+            rotation=Rotation.from_euler("xyz", self.rotation_rpy_rad).as_matrix(),
         )
 
 

@@ -24,6 +24,7 @@ from winding_arm_driver.mapping import (
     NONE,
     POSE,
     POSITIONS,
+    TF,
     TRAJECTORY,
     TWIST,
     ArmMapping,
@@ -72,13 +73,16 @@ class ArmDriverNode(Node):  # type: ignore[misc]
         self._joint_states = topics.JOINT_STATES.advertise(self)
         self._diagnostics = topics.DIAGNOSTICS.advertise(self)
         cylinder, guide, commands = mapping.cylinder, mapping.guide, mapping.commands
-        self._listen(JointState, cylinder.topic, self._cylinder)
-        if guide.source == JOINTS:
+        if (guide.source, guide.topic) == (JOINTS, cylinder.topic):
+            self._listen(JointState, guide.topic, self._both)
+        else:
+            self._listen(JointState, cylinder.topic, self._cylinder)
+        if guide.source == JOINTS and guide.topic != cylinder.topic:
             self._listen(JointState, guide.topic, self._joints)
+        elif guide.source == TF:
+            self._listen_to_tf()
         elif guide.source == POSE:
             self._listen(PoseStamped, guide.topic, self._pose)
-        else:
-            self._listen_to_tf()
         if commands.type != NONE:
             self._commands = self.create_publisher(_COMMANDS[commands.type], commands.topic, 1)
             self._listen(topics.JOINT_TARGETS.type, topics.JOINT_TARGETS.name, self._target, 1)
@@ -86,6 +90,7 @@ class ArmDriverNode(Node):  # type: ignore[misc]
         # What still waits for its other half when nothing arrives any more.
         self.create_timer(WAIT, self._publish)
         self.create_timer(_REPORT, self._report)
+        self.get_logger().info("ready")
 
     def _listen(
         self, type_: type, topic: str, take: Callable[[Any], None], qos: QoSProfile | int = _DEPTH
@@ -117,6 +122,10 @@ class ArmDriverNode(Node):  # type: ignore[misc]
             raise MessageError(f"joint states of the cylinder lack {joint}, got {names}")
         position = float(message.position[names.index(joint)])
         self._guided.add_cylinder(_stamp_ns(message.header.stamp), position, time.monotonic())
+
+    def _both(self, message: JointState) -> None:
+        self._cylinder(message)
+        self._joints(message)
 
     def _joints(self, message: JointState) -> None:
         by_name = dict(zip(message.name, map(float, message.position), strict=False))
