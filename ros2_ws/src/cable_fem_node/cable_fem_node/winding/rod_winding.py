@@ -34,6 +34,7 @@ from cable_fem_node.rod.rod_records import (
     STIRRED,
     STIRRED_ON_CABLE,
     TENSION,
+    Advance,
     part_way,
 )
 from cable_fem_node.winding import resting_cable
@@ -218,16 +219,18 @@ class RodWinding(WindingModel):
                 done, total = 0, max(1, math.ceil(left / step))
                 self._last_step = left / total
             dt = self._last_step
-            end = advance_winding(
-                nodes.rod,
-                total - done,
-                dt,
-                self._surface_rate,
-                part,
-                k,
-                self._axial,
-                self._relaxation,
-                self._ledger,
+            end = Advance(
+                *advance_winding(
+                    nodes.rod,
+                    total - done,
+                    dt,
+                    self._surface_rate,
+                    part,
+                    k,
+                    self._axial,
+                    self._relaxation,
+                    self._ledger,
+                )
             )
             nodes.live, self._surface_rate = end.nodes, end.surface_rate
             done += end.steps

@@ -29,6 +29,7 @@ from cable_fem_node.winding.solid_winding_kernels import (
     SPRINGS,
     STRAIN,
     Machine,
+    SolidAdvance,
     SolidScratch,
     advance_solid_winding,
 )
@@ -136,19 +137,21 @@ class SolidWinding(WindingModel):
     def _run(self, t: float, span: float, drive: FloatArray) -> None:
         self._refuse_moved(GuidePlace(x=float(drive[EYE_X, 1]), y=float(drive[EYE_Y, 1])))
         steps = max(1, math.ceil(span / self.step_limit))
-        end = advance_solid_winding(
-            steps,
-            span / steps,
-            self._surface_step,
-            drive,
-            self._solid.points,
-            self._solid._mesh,
-            self._solid.mass,
-            self._machine,
-            self._touch,
-            self._nodal,
-            self._scratch,
-            self._ledger,
+        end = SolidAdvance(
+            *advance_solid_winding(
+                steps,
+                span / steps,
+                self._surface_step,
+                drive,
+                self._solid.points,
+                self._solid._mesh,
+                self._solid.mass,
+                self._machine,
+                self._touch,
+                self._nodal,
+                self._scratch,
+                self._ledger,
+            )
         )
         self._surface_step = end.surface_step
         if end.status == INSIDE_OUT:

@@ -161,8 +161,10 @@ def advance_solid_winding(
     nodal: ContactLaw,
     scratch: SolidScratch,
     ledger: FloatArray,
-) -> SolidAdvance:
+) -> tuple[int, int, float]:
     """Advance by equal steps while the drive runs from its first to its second column.
+
+    Returns the fields of `SolidAdvance`, see `advance_winding`.
 
     Args:
         steps: Number of steps to take.
@@ -207,7 +209,7 @@ def advance_solid_winding(
         guide_speed = (next_guide - guide) / dt
         at, stored, wavy, lost = hex_forces(x, v, mesh, True, net)
         if at >= 0:
-            return SolidAdvance(INSIDE_OUT, at, surface_step)
+            return INSIDE_OUT, at, surface_step
         surface = Surface(
             turned=surface_step,
             turning=rotation,
@@ -224,7 +226,7 @@ def advance_solid_winding(
         while high[1] > -m.free_length:
             eye += 1
             if eye + 2 >= m.sections:
-                return SolidAdvance(RAN_OUT, eye, surface_step)
+                return RAN_OUT, eye, surface_step
             middle_of(eye + 1, per, x, high)
         middle_of(eye, per, x, low)
         middle_of(m.sections - 1, per, x, tail)
@@ -296,5 +298,5 @@ def advance_solid_winding(
         report[KINETIC], report[SPRINGS] = 0.5 * kinetic, springs
     report[EYE] = eye
     if not math.isfinite(report[KINETIC]):
-        return SolidAdvance(INSIDE_OUT, 0, surface_step)
-    return SolidAdvance(DONE, 0, surface_step)
+        return INSIDE_OUT, 0, surface_step
+    return DONE, 0, surface_step

@@ -65,7 +65,6 @@ from cable_fem_node.rod.rod_records import (
     TIE_PLACE,
     TIE_WATCHED,
     VISCOUS,
-    Advance,
     AxialResponse,
     Constants,
     Relaxation,
@@ -167,8 +166,11 @@ def advance_winding(
     response: AxialResponse,
     relax: Relaxation,
     ledger: FloatArray,
-) -> Advance:
+) -> tuple[int, int, float, int, int]:
     """Advance the cable by equal steps while the drive runs from its first to its second column.
+
+    Python makes an `Advance` of what is returned: a record that is made while the kernel returns
+    runs Python, where what a signal's handler raises would end the process.
 
     Args:
         rod: Nodes and elements, changed, and how the cylinder holds node 0.
@@ -181,6 +183,9 @@ def advance_winding(
         relax: How the axial stress fades; with terms the last element stands for the cable before
             the guide, which the span's tension has loaded since the run began.
         ledger: Energies [J], added to in place.
+
+    Returns:
+        Fields of `Advance`.
     """
     nodes, touching, tie, watched, room = rod.nodes, rod.touching, rod.tie, rod.watched, rod.room
     cable, reference, viscous = (
@@ -210,7 +215,7 @@ def advance_winding(
     for step in range(steps):
         # A step is not begun that could not end with an element cut.
         if nodes == capacity:
-            return Advance(nodes, step, surface_rate, FULL, nodes - 2)
+            return nodes, step, surface_rate, FULL, nodes - 2
         u = step / steps
         pull = drive[TENSION, 0] + u * (drive[TENSION, 1] - drive[TENSION, 0])
         pulled = drive[STRETCH, 0] + u * (drive[STRETCH, 1] - drive[STRETCH, 0])
@@ -236,7 +241,7 @@ def advance_winding(
             for j in range(1, terms + 1):
                 held += viscous[j, end]
             if not held < relax.high:
-                return Advance(nodes, step + 1, surface_rate, DIVERGED, end)
+                return nodes, step + 1, surface_rate, DIVERGED, end
             pulled = 1.0 + strain_under(held, relax)
         work.tension[end] = pull
         bend_nodes(elements, reference, k.bending, work)
@@ -307,7 +312,7 @@ def advance_winding(
         length = math.sqrt(ex * ex + ey * ey + ez * ez)
         last = length / pulled
         if not 0.0 < last < 1.0e3 * k.segment:
-            return Advance(nodes, step + 1, surface_rate, DIVERGED, end)
+            return nodes, step + 1, surface_rate, DIVERGED, end
         if last > CUT_AT * k.segment:
             part = k.segment / last
             for c in range(3):
@@ -331,7 +336,7 @@ def advance_winding(
             nodes += 1
         elif last < MERGE_AT * k.segment:
             if nodes < 4:
-                return Advance(nodes, step + 1, surface_rate, EMPTY, end)
+                return nodes, step + 1, surface_rate, EMPTY, end
             given_back = inflow(x, v, end - 1, end, k, response, viscous[:, end - 1], relax)
             ledger[WORK_INFLOW] -= given_back
             for j in range(viscous.shape[0]):
@@ -349,7 +354,7 @@ def advance_winding(
             ry = x[1, watched] - sine * tie[TIE_WATCHED, 0] - cosine * tie[TIE_WATCHED, 1]
             rz = x[2, watched] - tie[TIE_WATCHED, 2]
             if not rx * rx + ry * ry + rz * rz <= stirred * stirred:
-                return Advance(nodes, step + 1, surface_rate, STIRRED, 0)
+                return nodes, step + 1, surface_rate, STIRRED, 0
         outside = int(abs(angle - drive[ANGLE, 0]) * k.contact_line > rod.way)
         if lies:
             most = GONE_AT * k.touch.apart / k.contact_line
@@ -364,8 +369,8 @@ def advance_winding(
     for i in range(nodes - 2):
         stretch = 1.0 / (inverse[i] * reference[i])
         if not TABLE_LOW < stretch < TABLE_HIGH:
-            return Advance(nodes, taken, surface_rate, DIVERGED, i)
-    return Advance(nodes, taken, surface_rate, status, 0)
+            return nodes, taken, surface_rate, DIVERGED, i
+    return nodes, taken, surface_rate, status, 0
 
 
 @called
