@@ -13,7 +13,8 @@ import numpy as np
 from cable_fem_node.identification import DEFAULT_SIGMA_THETA, DEFAULT_SIGMA_Z, Readings, TrackedRun
 from cable_fem_node.identification.steady import SteadyMarkers
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.machine.readings import AxisReading
+from winding_core.machine.axes import AxisReader, JointSample, MachineAxes
+from winding_core.machine.readings import GuidePlace
 from winding_core.markers import MARKER_DTYPE
 from winding_core.run_inputs import Inputs, RunHistory
 from winding_core.units import KILOPASCAL, MEGAPASCAL
@@ -163,7 +164,7 @@ def _flat(messages: Messages) -> list[dict[str, Any]]:
 
 def _inputs(joints: Sequence[dict[str, Any]], pulls: Sequence[dict[str, Any]]) -> Inputs:
     pull_times = np.array([row["t"] for row in pulls])
-    history = RunHistory()
+    history, read = RunHistory(), AxisReader(MachineAxes()).read
     begin = float(joints[0]["t"])
     last = -math.inf
     for row in joints:
@@ -173,11 +174,15 @@ def _inputs(joints: Sequence[dict[str, Any]], pulls: Sequence[dict[str, Any]]) -
         last = t
         newest = int(np.searchsorted(pull_times, row["t"] + 1.0e-6, side="right")) - 1
         force = None if newest < 0 else max(float(pulls[newest]["wrench.force.x"]), 0.0)
-        reading = AxisReading(
-            cylinder_angle=row["cylinder_joint.position"],
-            angular_speed=row["cylinder_joint.velocity"],
-            carriage_position=row["carriage_joint.position"],
-            feed_speed=row["carriage_joint.velocity"],
+        x, y = (row.get(f"guide_{axis}_joint.position") for axis in "xy")
+        sample = JointSample(
+            t=t,
+            cylinder=row["cylinder_joint.position"],
+            carriage=row["carriage_joint.position"],
+            cylinder_speed=row.get("cylinder_joint.velocity", math.nan),
+            carriage_speed=row.get("carriage_joint.velocity", math.nan),
+            guide=None if x is None or y is None else GuidePlace(x=float(x), y=float(y)),
         )
+        reading = read(sample)
         history.record(t, reading, force)
     return history.inputs
