@@ -42,7 +42,7 @@ class OwnArm:
         self.joints = HOME.copy()
         placed = tool(HOME)
         self.tip = Pose(position=placed[:3, 3], rotation=placed[:3, :3])
-        self._velocity = np.zeros(3)
+        self._velocity, self._angle = np.zeros(3), TURN
         self._waiting: deque[tuple[float, Callable[[], None]]] = deque()
         guide, commands = mapping.guide, mapping.commands
         kind = JointState if guide.source == "joints" else PoseStamped
@@ -95,7 +95,8 @@ class OwnArm:
         place = self.tip.position + PERIOD * self._velocity
         self.tip = Pose(position=place, rotation=self.tip.rotation)
         stamp = self._node.get_clock().now().to_msg()
-        encoder = JointState(name=["spindle", "table"], position=[0.0, TURN])
+        self._angle += 0.5
+        encoder = JointState(name=["spindle", "table"], position=[0.0, self._angle])
         encoder.header.stamp = stamp
         if self._mapping.guide.source == "joints":
             # In an order of its own, beside a gripper.
@@ -139,7 +140,8 @@ def test_arm_of_its_own_is_followed_and_led(
     targets = listener.create_publisher(topics.JOINT_TARGETS.type, topics.JOINT_TARGETS.name, 1)
     ros.spin_until(lambda: readings)
     first = readings[-1]
-    assert first.cylinder_angle == pytest.approx(math.radians(TURN), abs=1.0e-9)
+    steps = math.degrees(first.cylinder_angle) - TURN
+    assert steps == pytest.approx(0.5 * round(2.0 * steps), abs=1.0e-9)
     assert first.guide is not None
     # Of the decimals in mapping and description [m].
     assert (first.guide.x, first.guide.y) == pytest.approx((0.02, -0.2), abs=1.0e-8)

@@ -33,10 +33,11 @@ class Bench:
 
     def aim(self, position: float, speed: float | None = None) -> None:
         target = AxisTarget(position=position, speed=speed)
-        self.guided.aim(JointTargets(t=self.now, axes={CARRIAGE: target}), self.now)
+        targets = JointTargets(t=self.now, axes={CARRIAGE: target})
+        self.guided.aim(targets, self.now, turning=True)
 
     def step(self) -> Led:
-        led = self.guided.advance(self.now, PERIOD)
+        led = self.guided.advance(self.now, PERIOD, turning=True)
         self.now += PERIOD
         assert led is not None
         assert led.joints is not None
@@ -123,7 +124,7 @@ def test_target_beyond_the_limits_is_refused(
 ) -> None:
     guided = Bench(tmp_path, type="trajectory").guided
     with pytest.raises(ValueError, match=sentence):
-        guided.aim(JointTargets(t=0.0, axes={CARRIAGE: target}), 0.0)
+        guided.aim(JointTargets(t=0.0, axes={CARRIAGE: target}), 0.0, turning=True)
     assert not guided.lead.active
 
 
@@ -135,10 +136,29 @@ def test_travel_ends_where_the_arm_reaches_no_further(tmp_path: Path) -> None:
     assert bench.step().joints is not None
 
 
+def test_targets_of_a_standing_machine_and_old_ones_change_nothing(tmp_path: Path) -> None:
+    guided = Bench(tmp_path, type="trajectory").guided
+    targets = JointTargets(t=10.0, axes={CARRIAGE: AxisTarget(position=0.01)})
+    with pytest.raises(ValueError, match="while the cylinder turns; it stands"):
+        guided.aim(targets, 10.0, turning=False)
+    with pytest.raises(ValueError, match=r"stamp must be within 0.5 s of the clock, got 2 s"):
+        guided.aim(targets, 12.0, turning=True)
+    assert not guided.lead.active
+
+
+def test_cylinder_turns_while_its_encoder_counts(tmp_path: Path) -> None:
+    guided = Bench(tmp_path, type="trajectory").guided
+    assert not guided.turning(0.0)
+    guided.add_cylinder(100, 1.0, 0.1)
+    assert guided.turning(0.3)
+    guided.add_cylinder(200, 1.01, 0.35)
+    assert not guided.turning(0.5)
+
+
 def test_target_of_the_cylinder_is_refused(tmp_path: Path) -> None:
     targets = JointTargets(t=0.0, axes={CYLINDER: AxisTarget(speed=1.0)})
     with pytest.raises(ValueError, match="leads the guide alone"):
-        Bench(tmp_path, type="trajectory").guided.aim(targets, 0.0)
+        Bench(tmp_path, type="trajectory").guided.aim(targets, 0.0, turning=True)
 
 
 POSED = "guide: {source: pose}\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,6 +20,8 @@ from winding_core.machine.readings import AxisReading, GuidePlace
 _ANGLE, _PLACE = "angle", ("x", "y", "z")
 # How long a value of the cylinder waits for one of the guide, and the other way round [s].
 WAIT = 0.1
+# A cylinder that turns by less in so long stands [rad], [s].
+_MOTION, _STANDS = 2.0e-3, 0.3
 # Without a report for so long the guide is silent [s].
 _SILENT = 1.0
 
@@ -48,6 +51,8 @@ class Guided:
         self._tip: Pose | None = None
         self._joints: FloatArray | None = None
         self._heard = {"cylinder": -np.inf, "guide": -np.inf}
+        # Angle at which the cylinder was last seen to have turned [rad], and when [s].
+        self._rested, self._turned = math.nan, -math.inf
         self.lead = GuideLead(mapping.commands, axis, self._eye, self._arm)
 
     @property
@@ -65,6 +70,10 @@ class Guided:
         if not np.isfinite(angle):
             raise ValueError(f"the cylinder's position must be finite, got {position}")
         self._heard["cylinder"] = now
+        if math.isnan(self._rested):
+            self._rested = angle
+        elif abs(angle - self._rested) > _MOTION:
+            self._turned, self._rested = now, angle
         self._joiner.add(_ANGLE, stamp_ns, angle, now)
 
     def add_joints(self, stamp_ns: int, by_name: Mapping[str, float], now: float) -> None:
@@ -120,8 +129,12 @@ class Guided:
             found.append((sample.stamp_ns, reading))
         return found
 
-    def aim(self, targets: JointTargets, now: float) -> None:
-        """Take targets of the axes at a time of their clock [s].
+    def turning(self, now: float) -> bool:
+        """Return whether the cylinder turns at a monotonic time [s]."""
+        return now - self._turned < _STANDS
+
+    def aim(self, targets: JointTargets, now: float, *, turning: bool) -> None:
+        """Take targets of the axes at a time of their clock [s]; whether the cylinder turns.
 
         Raises:
             ValueError: They cannot be followed; nothing changes.
@@ -130,6 +143,13 @@ class Guided:
             raise ValueError(
                 f"the arm leads the guide alone: targets must be of the {CARRIAGE}, "
                 f"got {', '.join(targets.axes)}"
+            )
+        if not turning:
+            raise ValueError("targets are taken while the cylinder turns; it stands")
+        age, timeout = now - targets.t, self._mapping.commands.timeout_s
+        if targets.t and abs(age) > timeout:
+            raise ValueError(
+                f"a target's stamp must be within {timeout:g} s of the clock, got {age:.4g} s"
             )
         if self._tip is None:
             raise ValueError("the guide cannot be led before the arm has reported where it stands")
@@ -141,9 +161,12 @@ class Guided:
             joints=self._joints,
         )
 
-    def advance(self, t: float, dt: float) -> Led | None:
-        """Lead the guide from t [s] on by dt [s]; None while no target has come."""
-        return None if self._tip is None else self.lead.advance(t, dt, self._tip)
+    def advance(self, t: float, dt: float, *, turning: bool) -> Led | None:
+        """Lead the guide from t [s] on by dt [s]; None while no target has come.
+
+        Where the cylinder does not turn the guide comes to rest.
+        """
+        return None if self._tip is None else self.lead.advance(t, dt, self._tip, turning=turning)
 
     def silence(self, now: float) -> str:
         """Return what has not been reported for a while at a monotonic time [s], or nothing."""

@@ -45,6 +45,7 @@ class GuideLead:
 
     Attributes:
         remark: Why the guide is slower than it was asked to be, or does not go on; else empty.
+        late: Whether targets have stopped while the guide was on its way.
     """
 
     def __init__(self, commands: Commands, axis: Pose, eye: FloatArray, arm: Arm | None) -> None:
@@ -62,7 +63,7 @@ class GuideLead:
         self._left, self._ends = False, ("", "")
         self._place, self._tip = np.zeros(3), Pose.standing()
         self._joints: FloatArray | None = None
-        self.remark = ""
+        self.remark, self.late = "", False
 
     @property
     def active(self) -> bool:
@@ -128,29 +129,31 @@ class GuideLead:
             reached = along
         return end, ""
 
-    def advance(self, t: float, dt: float, tip: Pose) -> Led | None:
+    def advance(self, t: float, dt: float, tip: Pose, *, turning: bool = True) -> Led | None:
         """Go on from t [s] by dt [s]; return the command, None while nothing is led.
 
         Args:
             t: Now [s].
             dt: Since the last command [s].
             tip: Where the tip stands in the base; a commanded velocity closes up to the setpoint.
+            turning: Whether the cylinder turns; otherwise the guide comes to rest, too.
         """
         led = self._led
         if led is None or self._left:
             return None
-        late = led.unattended(t, self._commands.timeout_s)
+        self.late = led.unattended(t, self._commands.timeout_s)
         led.limits, self.remark = self._limits, ""
         arm, joints = self._arm, self._joints
         along = self._axis.rotation[:, 2]
         if arm is not None and joints is not None:
             led.limits = replace(self._limits, speed=self._fastest(arm, joints, along))
         before = led.position, led.speed
-        if late:
+        if self.late or not turning:
             led.brake(self._limits.acceleration, dt)
             self._left = led.speed == 0.0
+        if self.late:
             self.remark = f"the guide stands: no target has come for {self._commands.timeout_s:g} s"
-        else:
+        if turning and not self.late:
             led.advance(t, dt)
         if arm is not None and joints is not None:
             try:

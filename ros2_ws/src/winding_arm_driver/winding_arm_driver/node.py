@@ -32,7 +32,7 @@ from winding_arm_driver.mapping import (
 )
 from winding_arm_driver.rigid import Pose
 from winding_core.status import Level, Status
-from winding_ros import topics
+from winding_ros import services, topics
 from winding_ros.messages.commands import decode_targets
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.messages.rig import encode_joint_state
@@ -69,7 +69,7 @@ class ArmDriverNode(Node):  # type: ignore[misc]
         self._mapping, self._guided = mapping, Guided(mapping)
         self._refused: Counter[str] = Counter()
         self._reported = ""
-        self._led_at = -1.0
+        self._led_at, self._stopped = -1.0, False
         self._joint_states = topics.JOINT_STATES.advertise(self)
         self._diagnostics = topics.DIAGNOSTICS.advertise(self)
         cylinder, guide, commands = mapping.cylinder, mapping.guide, mapping.commands
@@ -86,6 +86,7 @@ class ArmDriverNode(Node):  # type: ignore[misc]
         if commands.type != NONE:
             self._commands = self.create_publisher(_COMMANDS[commands.type], commands.topic, 1)
             self._listen(topics.JOINT_TARGETS.type, topics.JOINT_TARGETS.name, self._target, 1)
+            self._stop = self.create_client(services.STOP.type, services.STOP.name)
             self.create_timer(1.0 / commands.rate_hz, self._lead)
         # What still waits for its other half when nothing arrives any more.
         self.create_timer(WAIT, self._publish)
@@ -152,7 +153,7 @@ class ArmDriverNode(Node):  # type: ignore[misc]
 
     def _target(self, message: JointState) -> None:
         _, targets = decode_targets(message)
-        self._guided.aim(targets, self._now())
+        self._guided.aim(targets, self._now(), turning=self._guided.turning(time.monotonic()))
 
     def _publish(self) -> None:
         for stamp_ns, reading in self._guided.readings(time.monotonic()):
@@ -164,13 +165,19 @@ class ArmDriverNode(Node):  # type: ignore[misc]
         passed, self._led_at = now - self._led_at, now
         period = 1.0 / self._mapping.commands.rate_hz
         # A timer that comes late goes on no further than two periods at once.
-        led = self._guided.advance(now, min(max(passed, 0.1 * period), 2.0 * period))
+        passed = min(max(passed, 0.1 * period), 2.0 * period)
+        turning = self._guided.turning(time.monotonic())
+        led = self._guided.advance(now, passed, turning=turning)
         if led is not None:
             self._commands.publish(self._message(led, now))
-        remark = self._guided.lead.remark
-        if remark != self._reported:
-            self._reported = remark
-            self.get_logger().warning(remark or "the guide follows its targets again")
+        lead = self._guided.lead
+        if lead.late and turning and not self._stopped:
+            # Both axes of a machine stop by a controlled stop when its commander is gone.
+            self._stop.call_async(services.STOP.type.Request())
+        self._stopped = lead.late
+        if lead.remark != self._reported:
+            self._reported = lead.remark
+            self.get_logger().warning(lead.remark or "the guide follows its targets again")
 
     def _message(self, led: Led, now: float) -> Any:
         kind, base = self._mapping.commands.type, self._mapping.guide.base
