@@ -42,26 +42,58 @@ CELL = {
     "PERIOD, OMEGA, FEED = 0.002": "PERIOD, OMEGA, FEED = 0.008",
 }
 
+# The same cell, whose gantry goes where it is commanded to by joint positions.
+LED_CELL = CELL | {
+    "from std_srvs.srv import Trigger": (
+        "from std_msgs.msg import Float64MultiArray\nfrom std_srvs.srv import Trigger"
+    ),
+    '(JointState, "rig/joint_targets"': '(Float64MultiArray, "arm/command"',
+    """        now, stamp = self.get_clock().now(), Time.from_msg(message.header.stamp)
+        age = 1.0e-9 * (now - stamp).nanoseconds if stamp.nanoseconds else 0.0
+        if not self.goal or abs(age) > DEAD_MAN or "carriage_joint" not in message.name:
+            return  # only between start and stop, and only in time
+        at = message.name.index("carriage_joint")
+        self.target, self.looks = (now, message.position[at], message.velocity[at]), 0
+""": "        self.target, self.looks = (self.get_clock().now(), message.data[0], 0.0), 0\n",
+}
+MAPPING = {
+    "cylinder": {"topic": "cell/states", "joint": "table"},
+    "guide": {
+        "source": "joints",
+        "topic": "cell/states",
+        "urdf": "gantry.urdf",
+        "base": "floor",
+        "tip": "eye",
+    },
+}
+
+
+def arm_driver(folder: Path, namespace: str, **sections: object) -> Any:
+    """Run the driver with a mapping of the gantry in a folder."""
+    (folder / "gantry.urdf").write_text(GANTRY)
+    file = folder / "arm.yaml"
+    file.write_text(yaml.safe_dump(MAPPING | sections))
+    words = ("-m", "winding_arm_driver", "--mapping", file, *in_namespace(namespace))
+    return running(*words, ready="ready", cwd=folder)
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("driver", [LED_CELL], indirect=True)
+def test_cell_with_the_driver_conforms_and_takes_targets(
+    driver: Any, tmp_path: Path, command: Callable[..., Any]
+) -> None:
+    with arm_driver(tmp_path, driver.namespace, commands={"type": "positions"}):
+        done = command(
+            *("conform", "--no-camera", "--move", "--namespace", driver.namespace), cwd=tmp_path
+        )
+    assert done.returncode == 0, done.stdout + done.stderr
+
 
 @pytest.mark.parametrize("driver", [CELL], indirect=True)
 def test_span_that_grows_by_a_third_is_predicted_as_it_is(
     driver: Any, tmp_path: Path, command: Callable[..., Any]
 ) -> None:
-    (tmp_path / "gantry.urdf").write_text(GANTRY)
-    mapping = {
-        "cylinder": {"topic": "cell/states", "joint": "table"},
-        "guide": {
-            "source": "joints",
-            "topic": "cell/states",
-            "urdf": "gantry.urdf",
-            "base": "floor",
-            "tip": "eye",
-        },
-    }
-    file = tmp_path / "arm.yaml"
-    file.write_text(yaml.safe_dump(mapping))
-    words = ("-m", "winding_arm_driver", "--mapping", file, *in_namespace(driver.namespace))
-    with running(*words, ready="ready", cwd=tmp_path):
+    with arm_driver(tmp_path, driver.namespace):
         done = command(
             *("run", "--case", 4, "--machine", "external", "--no-camera"),
             *("--namespace", driver.namespace, "--duration-s", DURATION),

@@ -61,6 +61,7 @@ class GuideLead:
         self._led: CommandedAxis | None = None
         # Whether it came to rest because targets stopped; why it reaches no further, at both ends.
         self._left, self._ends = False, ("", "")
+        self._heard = -math.inf
         self._place, self._tip = np.zeros(3), Pose.standing()
         self._joints: FloatArray | None = None
         self.remark, self.late = "", False
@@ -102,7 +103,7 @@ class GuideLead:
             )
         led = self._led or CommandedAxis(limits, float(self._place[2]), 0.0)
         led.aim = Target.after(led.aim, target, stamp=stamp, now=now, limits=limits)
-        self._led = led
+        self._led, self._heard = led, now
 
     def _take_over(self, tip: Pose, joints: FloatArray | None) -> None:
         """Begin where the tip stands; find the travel that the arm reaches from there."""
@@ -148,12 +149,13 @@ class GuideLead:
         if arm is not None and joints is not None:
             led.limits = replace(self._limits, speed=self._fastest(arm, joints, along))
         before = led.position, led.speed
-        if self.late or not turning:
+        silent = t - self._heard > self._commands.timeout_s
+        if silent or not turning:
             led.brake(self._limits.acceleration, dt)
             self._left = led.speed == 0.0
         if self.late:
             self.remark = f"the guide stands: no target has come for {self._commands.timeout_s:g} s"
-        if turning and not self.late:
+        if turning and not silent:
             led.advance(t, dt)
         if arm is not None and joints is not None:
             try:

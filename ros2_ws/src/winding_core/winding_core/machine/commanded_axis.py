@@ -122,7 +122,8 @@ class Target:
         """Return whether its stream has stopped while the axis is on its way at t [s]."""
         if t - self.heard <= timeout:
             return False
-        return self.to_go > rest if self.target.moves_to else self.target.number != 0.0
+        # A speed beside a position is the rate of that position, which has not ended.
+        return bool(self.target.speed) or (self.target.moves_to and self.to_go > rest)
 
 
 HOLD = AxisTarget(speed=0.0)
