@@ -102,7 +102,7 @@ JOINT_STATES = _topic(
     JointState,
     1000.0,
     RIG,
-    "encoder samples of cylinder and carriage",
+    "encoder samples of cylinder and carriage, and the place of a guide that moves across the axis",
     decode_joint_state,
     fastest=FASTEST_DRIVER,
 )

@@ -39,7 +39,7 @@ class GuidePlace:
         return math.sqrt((off - radius) * (off + radius))
 
     def landing(self, radius: float) -> float:
-        """Return the azimuth at which cable lands at a radius [m] [rad]; errors as above."""
+        """Return the azimuth [rad] at which cable lands at a radius [m]; errors as above."""
         return math.atan2(self.y, self.x) + math.atan2(self.free_length(radius), radius)
 
 
