@@ -11,6 +11,7 @@ from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw
+from winding_core.lay.guide_path import lay_of
 from winding_core.run_inputs import Inputs, continued_inputs
 
 # Straight pieces between them are exact to 1e-5 of the stretch.
@@ -48,7 +49,7 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     stretch = _stretch_at(law, (pull - bent) / case.axial_area)
     radius = _radius(config, law, stretch)
     step = np.diff(theta)
-    z = _axial(theta, inputs["carriage_position"], config.free_length / case.centreline_radius)
+    z = lay_of(theta, inputs["carriage_position"], config.free_length / case.centreline_radius)
     slope = np.gradient(z, theta)
     reference = np.hypot(radius, slope) / stretch
     laid = np.concatenate([[0.0], np.cumsum(0.5 * (reference[1:] + reference[:-1]) * step)])
@@ -108,13 +109,20 @@ def turning(inputs: Inputs) -> Inputs:
     return kept
 
 
-def _axial(theta: FloatArray, guide: FloatArray, lag: float) -> FloatArray:
-    """Return z along theta: dz/dtheta = (guide - z) / lag, exact for a guide of straight pieces."""
-    z = np.zeros_like(theta)
-    rise = np.diff(guide) / np.diff(theta)
-    decay = np.exp(-np.diff(theta) / lag)
-    for i in range(theta.size - 1):
-        # The particular solution follows the guide at a distance of lag times its rise.
-        behind = z[i] - guide[i] + lag * rise[i]
-        z[i + 1] = guide[i + 1] - lag * rise[i] + behind * decay[i]
+def landed_z(lag: FloatArray, guide: FloatArray, step: float) -> FloatArray:
+    """Return z [m] of many cables: dz/dtheta = (guide - z) / lag, exact for straight pieces.
+
+    Args:
+        lag: Free length over radius [rad], shape (n, k).
+        guide: Of the guide [m], shape (n, k).
+        step: Between two wound angles [rad].
+    """
+    middle = 0.5 * (lag[:, 1:] + lag[:, :-1])
+    behind = middle * (np.diff(guide, axis=1) / step)
+    decay = np.exp(-step / middle)
+    # z[i + 1] = decay z[i] + what the guide adds.
+    added = guide[:, 1:] - behind - decay * (guide[:, :-1] - behind)
+    z = np.zeros_like(lag)
+    for i in range(lag.shape[1] - 1):
+        z[:, i + 1] = decay[:, i] * z[:, i] + added[:, i]
     return z
