@@ -1,6 +1,5 @@
 """`winding identify`: what it reads, reports and refuses."""
 
-import dataclasses
 import json
 from functools import cache
 from pathlib import Path
@@ -11,9 +10,7 @@ import pytest
 from rods import CONFIG, wound
 from typer.testing import CliRunner, Result
 
-from cable_fem_node.identification import RigPrior
 from winding_cli.app import app
-from winding_study.identification.rig_prior import RigPriorParameters
 
 
 @cache
@@ -187,13 +184,6 @@ def test_the_prior_of_the_rig_is_what_is_typed(markers: Path, tmp_path: Path) ->
     found, _ = identified(tmp_path, markers, "--case", 4, "--use", 2, "--rig", *words)
     assert found["rig"]["load_share"]["deviation"] == 0.0
     assert "load_share" not in found["untold"]
-
-
-def test_the_prior_that_is_shown_is_the_one_that_is_taken() -> None:
-    shown, taken = RigPriorParameters(), RigPrior()
-    for item in dataclasses.fields(shown):
-        value = getattr(shown, item.name)
-        assert (tuple(value) if isinstance(value, list) else value) == getattr(taken, item.name)
 
 
 @pytest.mark.parametrize(

@@ -277,7 +277,7 @@ def test_closed_form_lies_where_the_rod_lies(config: WindingConfig) -> None:
     ],
 )
 def test_impossible_priors_are_refused(wrong: dict[str, object], sentence: str) -> None:
-    with pytest.raises(IdentificationError, match=sentence):
+    with pytest.raises(ValueError, match=sentence):
         RigPrior(**wrong)  # type: ignore[arg-type]
 
 

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from correction_node.models.dataset import LengthCell, load_data_set
-from correction_node.models.weights import load_factor, save_factor
 from correction_node.training.comparison import (
     BASELINE,
     GAUSSIAN_PROCESS,
@@ -34,7 +33,7 @@ from correction_node.training.training import (
     RIG_NETWORK,
     TrainingConfig,
 )
-from winding_core.cable.cases import paper_case, published_markers, published_weights
+from winding_core.cable.cases import published_markers, published_weights
 
 # Every model is trained as long as the shipped ones.
 # One process computes what the tests of this file share.
@@ -207,12 +206,6 @@ def test_a_case_that_is_left_out_is_never_seen(learned) -> None:
         result.scores[name].held_out[mine], changed.scores[name].held_out[mine]
     )
     assert not np.array_equal(result.scores[name].in_sample, changed.scores[name].in_sample)
-
-
-def test_what_was_learned_can_be_saved_and_used(learned, tmp_path) -> None:
-    factor = learned[1].factor
-    save_factor(factor, tmp_path)
-    assert load_factor(tmp_path).factor(paper_case(2)) == factor.factor(paper_case(2))
 
 
 def test_the_verdict_names_who_is_best_on_cases_never_seen(learned) -> None:

@@ -129,15 +129,6 @@ def test_a_form_that_is_not_known_is_refused(tmp_path, change, sentence: str) ->
         load_factor(tmp_path)
 
 
-def test_outside_the_trained_conditions_nothing_is_corrected() -> None:
-    shipped = load_factor(PAPER)
-    thick = dataclasses.replace(paper_case(4), number=0, cable_diameter=0.010)
-    factor = shipped.factor(thick)
-    assert factor.h == 1.0
-    assert factor.outside is not None
-    assert factor.relative_bound > shipped.factor(paper_case(4)).relative_bound
-
-
 def test_beyond_the_trained_turns_nothing_is_corrected() -> None:
     longer = dataclasses.replace(paper_case(4), number=0, marker_count=5)
     factor = load_factor(weights_directory("rod")).factor(longer)
@@ -289,8 +280,3 @@ def test_the_quasi_static_reference_is_the_rod() -> None:
     ratio = np.array([reference[cell.case, cell.marker] / cell.s_fem for cell in CELLS])
     # Measured: 0.14 % at most, the stiff cable's lift-off and the ramp.
     np.testing.assert_allclose(ratio, 1.0, atol=1.5e-3)
-
-
-def test_every_marker_of_a_case_has_its_condition() -> None:
-    case = paper_case(2)
-    assert [c.marker for c in conditions_of(case, "linear")] == [1, 2, 3, 4]

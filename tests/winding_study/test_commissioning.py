@@ -27,6 +27,9 @@ from winding_study.commissioning.posterior import CellPosterior, Measured, ident
 from winding_study.commissioning.result import cable_of, cell_text_of, remarks
 from winding_study.commissioning.unknowns import COUNT, NAMES, CellPrior, Numbers, numbers_of
 
+# A cell takes a dozen rods, on a busy computer minutes.
+pytestmark = pytest.mark.timeout(900)
+
 WHAT = Condition(case=4, law="neo_hookean", markers=24).resolved()
 CONFIG: WindingConfig = SolverParameters().config_of(WHAT)
 WEIGHT = WHAT.case.weight

@@ -231,11 +231,6 @@ def test_the_solid_has_finer_elements_on_the_thinner_cylinder() -> None:
         assert model.mass_scaling == 400.0
 
 
-def test_an_unknown_element_is_refused() -> None:
-    with pytest.raises(ValueError, match="element must be rod or solid, got 'beam'"):
-        StudyConfig(element="beam")
-
-
 def test_a_failing_case_does_not_lose_the_others(tmp_path) -> None:
     # Moving so heavy a cable of 2 mm takes a fifth of the tension, one of 4 mm more than half.
     config = StudyConfig(duration=5.0, mass_scaling=3.0e4)

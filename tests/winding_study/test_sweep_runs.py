@@ -111,16 +111,6 @@ def test_results_are_those_of_the_prediction() -> None:
     assert float(found["energy_balance_pct"]) == prediction.energy.balance_pct
 
 
-def test_a_marker_that_is_not_wound_has_no_place() -> None:
-    assert np.isfinite(attempt(run())["z"]).tolist() == [True, True, False, False]
-
-
-def test_a_run_that_fails_says_why() -> None:
-    found = attempt(jerked())
-    assert str(found["status"]).startswith("energy balance open by")
-    assert float(found["cpu_seconds"]) > 0.0
-
-
 def test_a_worker_with_another_solver_is_refused() -> None:
     with pytest.raises(SolverMismatchError, match="install the same version on both"):
         wind_batch([], None, "another", None)

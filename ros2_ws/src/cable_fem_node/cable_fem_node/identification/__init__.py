@@ -6,7 +6,6 @@ from cable_fem_node.identification.modulus import (
     identify_modulus,
     with_young,
 )
-from cable_fem_node.identification.rig import KNOWN_TENSION, RigPrior
 from cable_fem_node.identification.rig_posterior import RigPosterior, identify_rig
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import (
@@ -16,6 +15,7 @@ from cable_fem_node.identification.tracked_run import (
     Readings,
     TrackedRun,
 )
+from cable_fem_node.winding.rig_prior import KNOWN_TENSION, RigPrior
 
 __all__ = [
     "DEFAULT_SIGMA_THETA",

@@ -11,6 +11,7 @@ from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw
+from winding_core.lay.guide_path import lay_of
 from winding_core.machine.readings import GuidePlace
 from winding_core.run_inputs import Inputs, continued_inputs
 
@@ -49,7 +50,8 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     stretch = _stretch_at(law, (pull - bent) / case.axial_area)
     radius = _radius(config, law, stretch)
     step = np.diff(theta)
-    z = _axial(theta, inputs["carriage_position"], span / case.centreline_radius)
+    lag = 0.5 * (span[1:] + span[:-1]) / case.centreline_radius
+    z = lay_of(theta, inputs["carriage_position"], lag)
     slope = np.gradient(z, theta)
     reference = np.hypot(radius, slope) / stretch
     laid = np.concatenate([[0.0], np.cumsum(0.5 * (reference[1:] + reference[:-1]) * step)])
@@ -121,13 +123,20 @@ def turning(inputs: Inputs, config: WindingConfig) -> tuple[Inputs, FloatArray]:
     return wound, span[kept]
 
 
-def _axial(theta: FloatArray, guide: FloatArray, lags: FloatArray) -> FloatArray:
-    """Return z along theta: dz/dtheta = (guide - z) / lag, exact for a guide of straight pieces."""
-    z = np.zeros_like(theta)
-    rise, lag = np.diff(guide) / np.diff(theta), 0.5 * (lags[1:] + lags[:-1])
-    decay = np.exp(-np.diff(theta) / lag)
-    for i in range(theta.size - 1):
-        # The particular solution follows the guide at a distance of lag times its rise.
-        behind = z[i] - guide[i] + lag[i] * rise[i]
-        z[i + 1] = guide[i + 1] - lag[i] * rise[i] + behind * decay[i]
+def landed_z(lag: FloatArray, guide: FloatArray, step: float) -> FloatArray:
+    """Return z [m] of many cables: dz/dtheta = (guide - z) / lag, exact for straight pieces.
+
+    Args:
+        lag: Free length over radius [rad], shape (n, k).
+        guide: Of the guide [m], shape (n, k).
+        step: Between two wound angles [rad].
+    """
+    middle = 0.5 * (lag[:, 1:] + lag[:, :-1])
+    behind = middle * (np.diff(guide, axis=1) / step)
+    decay = np.exp(-step / middle)
+    # z[i + 1] = decay z[i] + what the guide adds.
+    added = guide[:, 1:] - behind - decay * (guide[:, :-1] - behind)
+    z = np.zeros_like(lag)
+    for i in range(lag.shape[1] - 1):
+        z[:, i + 1] = decay[:, i] * z[:, i] + added[:, i]
     return z

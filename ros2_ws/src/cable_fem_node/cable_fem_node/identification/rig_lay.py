@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.landing import Landing, landing_of
-from cable_fem_node.identification.quasi_static import turning, unit_law
+from cable_fem_node.identification.quasi_static import landed_z, turning, unit_law
 from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun
 from cable_fem_node.winding.resolved_model import STIFF
@@ -131,7 +131,8 @@ class RigLay:
         yields = 0.5 * stress * landing.element / (landing.stick * span)
         free = rigs.free_length[:, None] + np.interp(theta, self._angle, self._longer)
         lag = free * factor * (1.0 + landing.lag) / radius
-        z = self._axial(lag + yields, yields, theta)
+        guide = np.interp(theta + yields, self._angle, self._guide)
+        z = landed_z(lag + yields, guide, step)
         slope = np.gradient(z, step, axis=1)
         # Nodes ride where those of the span's chords would on a circle: wound cable has shorter
         # ones, and rising cable shorter ones still that press less.
@@ -183,20 +184,6 @@ class RigLay:
         held = np.exp(self._config.friction * step * np.arange(span.shape[1]))
         highest = np.maximum.accumulate((span / held)[:, ::-1], axis=1)[:, ::-1]
         return np.asarray(highest * held)
-
-    def _axial(self, lag: FloatArray, ahead: FloatArray, theta: FloatArray) -> FloatArray:
-        """Return z [m]: dz/dtheta = (guide - z) / lag, exact for straight pieces, shape (n, k)."""
-        guide = np.interp(theta + ahead, self._angle, self._guide)
-        step = theta[1]
-        middle = 0.5 * (lag[:, 1:] + lag[:, :-1])
-        behind = middle * (np.diff(guide, axis=1) / step)
-        decay = np.exp(-step / middle)
-        # z[i + 1] = decay z[i] + what the guide adds.
-        added = guide[:, 1:] - behind - decay * (guide[:, :-1] - behind)
-        z = np.zeros_like(lag)
-        for i in range(theta.size - 1):
-            z[:, i + 1] = decay[:, i] * z[:, i] + added[:, i]
-        return z
 
 
 def _drive_of(inputs: Inputs) -> DriveProfile:

@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
-from cable_fem_node.identification.rig import RigPrior, Rigs
+from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.winding.rig_prior import RigPrior
 
 # How far the closed form lies from rods of the default elements, rigs drawn from the default prior
 # (seeds 0 to 29): a part of every angle, common to a run; an offset of all angles [rad]; the parts

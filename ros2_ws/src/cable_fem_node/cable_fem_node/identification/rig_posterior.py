@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.modulus import WORST_SHARE
-from cable_fem_node.identification.rig import COUNT, NAMES, RigPrior, Rigs
+from cable_fem_node.identification.rig import COUNT, NAMES, Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.rig_search import RigSearch
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
+from cable_fem_node.winding.rig_prior import RigPrior
 
 # As many as a 5 % quantile needs to be known to a twentieth of the interval.
 DRAWS = 600
@@ -154,6 +155,19 @@ class Belief:
     high: float  # 5 % lie above
     prior_deviation: float  # Standard deviation before
 
+    @classmethod
+    def of(cls, values: FloatArray, weights: FloatArray, before: float) -> Belief:
+        """Return the belief of draws, shape (n,), with weights of sum one; 0 before was known."""
+        mean = float(weights @ values)
+        low, high = interval_of(values, weights)
+        return Belief(
+            mean=mean,
+            deviation=math.sqrt(float(weights @ (values - mean) ** 2)) if before else 0.0,
+            low=low,
+            high=high,
+            prior_deviation=before,
+        )
+
     @property
     def half_width_90(self) -> float:
         """Half of the 90 % interval."""
@@ -275,7 +289,7 @@ def identify_rig(
     return RigPosterior(
         rigs=rigs,
         weights=weights,
-        beliefs={name: _belief(values, weights, known[name]) for name, values in every.items()},
+        beliefs={name: Belief.of(values, weights, known[name]) for name, values in every.items()},
         mean=weights @ table,
         covariance=covariance_of(table, weights) * np.outer(open_, open_),
         steady=float(weights[rigs.start_share == 1.0].sum()),
@@ -342,15 +356,3 @@ def _known_before(search: RigSearch) -> dict[str, float]:
     known["effective_young"] = float(coordinates.effective_young(rigs).std())
     # A range of no width leaves rounding errors.
     return {name: value if value > 1.0e-12 else 0.0 for name, value in known.items()}
-
-
-def _belief(values: FloatArray, weights: FloatArray, before: float) -> Belief:
-    mean = float(weights @ values)
-    low, high = interval_of(values, weights)
-    return Belief(
-        mean=mean,
-        deviation=math.sqrt(float(weights @ (values - mean) ** 2)) if before else 0.0,
-        low=low,
-        high=high,
-        prior_deviation=before,
-    )

@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
-from cable_fem_node.identification.rig import COUNT, RigCoordinates, RigPrior, Rigs
+from cable_fem_node.identification.levenberg import optimum, student
+from cable_fem_node.identification.rig import COUNT, RigCoordinates, Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.winding.rig_prior import RigPrior
 
 # Places along ln L_c; as many again where the first ones found the mass.
 _NODES = 8
@@ -107,17 +109,12 @@ class RigSearch:
         moved = modes.width[cell] * (rng.random(count) - 0.5)
         build_up = modes.build_up[cell] * np.exp(moved)
         spread = np.linalg.cholesky(np.linalg.inv(modes.information))
-        normal = rng.standard_normal((count, COUNT))
-        # Pairs to either side, whose mean is not left to chance.
-        normal[1::2] = -normal[: count - 1 : 2]
-        tail = np.repeat(np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (count + 1) // 2)), 2)[:count]
+        drawn, proposed = student(rng, count, COUNT, _FREEDOM)
         q = modes.best[cell] + self._slopes()[cell] * moved[:, None]
-        q = q + np.einsum("nij,nj->ni", spread[cell], normal) * tail[:, None]
+        q = q + np.einsum("nij,nj->ni", spread[cell], drawn)
         residuals, rigs = self._residuals(q, build_up, modes.steady[cell])
-        squares = (normal**2).sum(axis=1) * tail**2
-        proposed = -0.5 * (_FREEDOM + COUNT) * np.log1p(squares / _FREEDOM)
         _, volume = np.linalg.slogdet(modes.information)
-        proposed += 0.5 * volume[cell] + evidence[cell]
+        proposed = proposed + 0.5 * volume[cell] + evidence[cell]
         weight = modes.prior[cell] - 0.5 * (residuals**2).sum(axis=1) - proposed
         weight = np.exp(weight - weight.max())
         return rigs, weight / weight.sum()
@@ -188,46 +185,29 @@ class RigSearch:
         prior: float | None = None,
         start: FloatArray | None = None,
     ) -> _Modes:
-        """Return the best coordinates at each ln L_c, by Levenberg and Marquardt's method."""
+        """Return the best coordinates at each ln L_c."""
         count = places.size
         build_up, flags = np.exp(places), np.full(count, steady)
-        probes = np.vstack([np.zeros(COUNT), _PROBE * np.eye(COUNT)])
 
-        def around(q: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-            rows = (q[:, None, :] + probes).reshape(-1, COUNT)
-            repeated = np.repeat(build_up, COUNT + 1), np.repeat(flags, COUNT + 1)
-            residuals, _ = self._residuals(rows, *repeated)
-            residuals = residuals.reshape(count, COUNT + 1, -1)
-            base = residuals[:, 0]
-            slope = (residuals[:, 1:] - base[:, None]) / _PROBE
-            return base, slope, 0.5 * (base**2).sum(axis=1)
+        def residuals(q: FloatArray) -> FloatArray:
+            repeated = (np.repeat(values, COUNT + 1) for values in (build_up, flags))
+            rows, _ = self._residuals(q.reshape(-1, COUNT), *repeated)
+            return rows.reshape(count, COUNT + 1, -1)
 
-        q = np.tile(self._start, (count, 1)) if start is None else start
-        base, slope, cost = around(q)
-        damping = np.full(count, 1.0e-3)
-        for _ in range(_STEPS):
-            information = slope @ slope.transpose(0, 2, 1)
-            diagonal = np.einsum("cii->ci", information)
-            damped = information + (damping[:, None] * diagonal)[:, None] * np.eye(COUNT)
-            pull = np.einsum("cij,cj->ci", slope, base)
-            step = np.clip(-np.linalg.solve(damped, pull[..., None])[..., 0], -1.5, 1.5)
-            # What a step promises, whether or not rounding lets it be seen.
-            if np.max(-np.einsum("ci,ci->c", pull, step)) < _SETTLED:
-                break
-            tried = around(q + step)
-            better = tried[2] < cost
-            q = np.where(better[:, None], q + step, q)
-            base = np.where(better[:, None], tried[0], base)
-            slope = np.where(better[:, None, None], tried[1], slope)
-            cost = np.where(better, tried[2], cost)
-            damping = np.clip(np.where(better, 0.1 * damping, 10.0 * damping), 1.0e-9, 1.0e6)
+        q, information, cost = optimum(
+            residuals,
+            np.tile(self._start, (count, 1)) if start is None else start,
+            probe=_PROBE,
+            steps=_STEPS,
+            settled=_SETTLED,
+        )
         return _Modes(
             build_up=build_up,
             width=np.full(count, width),
             steady=flags,
             prior=np.full(count, math.log(self.prior.steady) if prior is None else prior),
             best=q,
-            information=slope @ slope.transpose(0, 2, 1),
+            information=information,
             cost=cost,
         )
 

@@ -27,7 +27,7 @@ Family = Callable[[FloatArray], MaterialLaw]
 # The first parameter is the logarithm of a modulus. Where its standard error is greater, the
 # search would wander among cables so stiff that they do not bend around the cylinder.
 _BLIND = 0.7
-# Over a shorter way than this the rod's steps, whose number is whole, say nothing of a slope.
+# Over a shorter way than this the rod's steps, whose number is whole, give no slope.
 _SHORTEST = 0.01
 
 

@@ -79,7 +79,7 @@ def kinetic_energy(cable: Points, resolved: ResolvedModel, end: int) -> float:
     )
 
 
-# The integrated node whose motion over the surface tells that the cable before it must wake: far
+# The integrated node whose motion over the surface wakes the cable before it: far
 # enough from the tie that the tie does not hold it, and that what comes is seen before it arrives.
 WATCHED = 4
 

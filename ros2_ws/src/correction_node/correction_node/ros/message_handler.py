@@ -50,13 +50,13 @@ class CorrectionHandler:
         self._corrector = Corrector(trained, law=what.law)
         self.factor = self._corrector.factor(condition)
         self.run = RunCorrector(self._corrector, law, condition)
-        self._told: tuple[frozenset[int], frozenset[int], Mapping[int, float]]
-        self._told = (frozenset(), frozenset(), {})
+        self._reported: tuple[frozenset[int], frozenset[int], Mapping[int, float]]
+        self._reported = (frozenset(), frozenset(), {})
 
     def begin(self, t: float) -> Iterator[Answer]:
         """Begin a new run at a time [s]: nothing has been measured yet."""
         self.run.forget()
-        self._told = (frozenset(), frozenset(), {})
+        self._reported = (frozenset(), frozenset(), {})
         yield Answer(topic=topics.CORRECTION_CASE, message=encode_case_votes(t, {}))
 
     def take(self, topic: Topic, data: bytes) -> Iterator[Answer]:
@@ -76,13 +76,13 @@ class CorrectionHandler:
     def _votes(self, t: float) -> Iterator[Answer]:
         """Yield the resembling case when a further marker is measured or a length settles."""
         measured = self.run.measured
-        seen, settled, votes = self._told
+        seen, settled, votes = self._reported
         if not measured.seen or (measured.seen, measured.settled) == (seen, settled):
             return
         lengths = measured.lengths()
         if not np.isfinite(lengths[:MARKERS]).any():
             return
         now = self._corrector.classify(lengths).votes
-        self._told = (measured.seen, measured.settled, now)
+        self._reported = (measured.seen, measured.settled, now)
         if measured.seen != seen or now != votes:
             yield Answer(topic=topics.CORRECTION_CASE, message=encode_case_votes(t, now))

@@ -13,5 +13,5 @@ class CorrectionParameters(Condition):
     """What is wound, and which trained weight corrects it."""
 
     weights: str = parameter(
-        "rod", "trained weight: the name of a shipped one, or the folder of one's own"
+        "rod", "trained weight: the name of a shipped one, or a folder of trained weights"
     )

@@ -72,7 +72,7 @@ class GaussianProcess:
         """Return (low, high) h between which a measured length lies with a probability.
 
         The process's own belief, noise of the measurement included; whether it is right, only
-        left-out cases can tell.
+        left-out cases can show.
         """
         mean, deviation = self.regressor.predict(self._scaled(conditions), return_std=True)
         reach = norm.ppf(0.5 + 0.5 * level) * np.hypot(deviation, NOISE)

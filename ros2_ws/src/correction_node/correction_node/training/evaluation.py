@@ -32,7 +32,7 @@ class Score:
 
     Attributes:
         leave_one_case_out_pct: Mean over all cells, each predicted by a model that never saw
-            its case: the honest one.
+            its case.
     """
 
     in_sample_pct: float  # Mean over all cells, learned from all cells

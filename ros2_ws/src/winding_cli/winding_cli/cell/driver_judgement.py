@@ -37,7 +37,7 @@ class Finding:
 
 @dataclass(kw_only=True)
 class Heard:
-    """What was heard on one topic.
+    """What was received on one topic.
 
     Attributes:
         values: Content of each message; joint states as (angle [rad], angular speed [rad/s],

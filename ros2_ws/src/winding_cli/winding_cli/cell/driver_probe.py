@@ -225,7 +225,7 @@ class Probe:
         )
 
     def findings(self) -> list[Finding]:
-        """Return what the streams heard so far say of the driver."""
+        """Return the findings on the driver from the streams received so far."""
         encoder = self.heard[topics.JOINT_STATES.name]
         tension = self.heard[topics.TENSION.name]
         found = [self._offered(topic) for topic in self._topics]
@@ -309,7 +309,7 @@ class Probe:
 
     @property
     def encoder(self) -> Heard:
-        """What was heard of the machine's joints."""
+        """What was received of the machine's joints."""
         return self.heard[topics.JOINT_STATES.name]
 
     async def begins(self, service: str, running: tuple[float, float]) -> Finding:

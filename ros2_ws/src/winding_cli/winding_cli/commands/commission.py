@@ -1,9 +1,8 @@
-"""`winding commission`: one run that is chosen for what it tells of cable and machine."""
+"""`winding commission`: one run that is chosen for its information on cable and machine."""
 
 from __future__ import annotations
 
 import asyncio
-import dataclasses
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cable_fem_node.winding.rig_prior import RigPrior
 from winding_cli.run.configuration import configured
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
@@ -25,16 +25,13 @@ from winding_core.catalogue.cables import check_name
 from winding_core.parameters import ParameterError, typed_values
 from winding_core.run_spec import RunSpec
 from winding_core.units import MILLIMETRE
-from winding_study.identification.rig_prior import RigPriorParameters, prior_ranges
 
 if TYPE_CHECKING:
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_cli.run.delivery import RunDelivery
-    from winding_recorder.live.run_buffer import RunBuffer
     from winding_study.commissioning.design import Expected
     from winding_study.commissioning.motion import MachineReach, Motion
     from winding_study.commissioning.unknowns import CellPrior
-    from winding_supervisor.session.run_config import RunConfig
 
 _FULL_TURN = 2.0 * math.pi
 # What the machine does is chosen, and what is known of the tension is looked for: a cell file may
@@ -84,7 +81,7 @@ class Plan:
         return self.design[0].motion
 
 
-@with_options_of_run(RigPriorParameters)
+@with_options_of_run(RigPrior)
 def commission(
     typed: Typed,
     known: Typed,
@@ -122,9 +119,7 @@ def commission(
         base = RunSpec.from_cell(cell, typed, spelled)
         _refuse_chosen(base)
         check_output_folder(base.path("output"), "--output", new=True)
-        planned = _planned(
-            base, _prior(known), travel_mm, carriage_limit_mm_s, pull_limits_n, longest_s
-        )
+        planned = _planned(base, known, travel_mm, carriage_limit_mm_s, pull_limits_n, longest_s)
     console = result_console()
     console.print(_design_table(planned.design), highlight=False)
     console.print(f"chosen: {planned.motion.sentence}", highlight=False, soft_wrap=True)
@@ -132,10 +127,7 @@ def commission(
         return
     with refused(ValueError):
         spec = RunSpec.from_cell(cell, {**typed, **_run_options(base, planned)}, spelled)
-    delivery = _wound(spec, planned.motion)
-    if delivery.buffer is None:
-        refuse(f"no result: {delivery.reason or 'nothing was wound'}", FAILED)
-    _learn(base, planned, delivery, name, cell_file, cable_file)
+    _learn(base, planned, _wound(spec, planned.motion), name, cell_file, cable_file)
 
 
 def _refuse_chosen(spec: RunSpec) -> None:
@@ -156,17 +148,9 @@ def _refuse_chosen(spec: RunSpec) -> None:
     spec.condition.resolved().case.material.refuse_fading("a commissioning run")
 
 
-def _prior(known: Typed) -> CellPrior:
-    from cable_fem_node.identification import RigPrior
-    from winding_study.commissioning.unknowns import CellPrior
-
-    ranges = prior_ranges(typed_values(RigPriorParameters, known, spelled))
-    return CellPrior(rig=dataclasses.replace(RigPrior(), **ranges))
-
-
 def _planned(
     spec: RunSpec,
-    prior: CellPrior,
+    known: Typed,
     travel_mm: float,
     carriage_limit_mm_s: float,
     pull_limits: tuple[float, float] | None,
@@ -183,7 +167,10 @@ def _planned(
     from winding_core.parameters import build
     from winding_study.commissioning.design import ranked
     from winding_study.commissioning.motion import MachineReach, candidates, clearing_advance
+    from winding_study.commissioning.unknowns import CellPrior
 
+    ranges: dict[str, Any] = typed_values(RigPrior, known, spelled)
+    prior = CellPrior(rig=RigPrior(**ranges))
     what = spec.condition.resolved()
     markers = what.case.marker_count if "markers" in spec.given else _MOST_MARKERS
     what = replace(what, case=replace(what.case, marker_count=markers), tension_law=DeadWeight())
@@ -232,9 +219,10 @@ def _run_options(spec: RunSpec, planned: Plan) -> dict[str, Any]:
     }
 
 
-def _wound(spec: RunSpec, motion: Motion) -> _Kept:
-    """Wind the run through the graph; return what it left, if it is whole."""
+def _wound(spec: RunSpec, motion: Motion) -> RunDelivery:
+    """Wind the run through the graph; end the command where it is not whole."""
     from winding_cli.run.configuration import warn_of_slowness
+    from winding_cli.run.delivery import RunDelivery
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here
     from winding_recorder.bags.description import ORIGIN
@@ -247,12 +235,25 @@ def _wound(spec: RunSpec, motion: Motion) -> _Kept:
     if motion.commands_pull:
         config = replace(config, pulls=tuple(zip(motion.angles, motion.pulls, strict=True)))
     warn_of_slowness(config)
-    delivery = _delivery(config, origin)
-    failure = wind(config, delivery.inner)
+    delivery = RunDelivery(config, origin)
+    failure = wind(config, delivery)
+    missing = _missing(delivery)
     if failure is not None:
-        print(f"winding: no result: {delivery.reason or 'the run was broken off'}", flush=True)
+        reason = missing if delivery.result is not None else ""
+        print(f"winding: no result: {reason or 'the run was broken off'}", flush=True)
         failure()
+    if missing:
+        refuse(f"no result: {missing}", FAILED)
     return delivery
+
+
+def _missing(delivery: RunDelivery) -> str:
+    """Return why the run that was wound leaves nothing to learn from; empty where it is whole."""
+    if delivery.result is None or delivery.outcome is None:
+        return "nothing was wound"
+    if not delivery.outcome.complete:
+        return delivery.outcome.headline
+    return next(iter(delivery.result.losses), "")
 
 
 def _conform(spec: RunSpec) -> None:
@@ -278,43 +279,10 @@ def _conform(spec: RunSpec) -> None:
         refuse(f"the machine does not conform: {broken[0].promise}: {broken[0].measured}")
 
 
-@dataclass(kw_only=True)
-class _Kept:
-    """What a run left."""
-
-    inner: RunDelivery
-    directory: Path = Path()
-    buffer: RunBuffer | None = None  # None for a run that is not whole
-    reason: str = ""  # Why it is not
-
-
-def _delivery(config: RunConfig, origin: Any) -> _Kept:
-    from winding_cli.run.delivery import RunDelivery
-    from winding_core.run_outcome import RunOutcome
-    from winding_supervisor.session.session import RunResult
-
-    class Delivery(RunDelivery):
-        """Delivers the run as `winding run` does, and keeps it where it is whole."""
-
-        def deliver(self, result: RunResult) -> RunOutcome | None:
-            outcome = super().deliver(result)
-            kept.directory = self._directory
-            if outcome is None or not outcome.complete:
-                kept.reason = "nothing was wound" if outcome is None else outcome.headline
-            elif result.losses:
-                kept.reason = result.losses[0]
-            else:
-                kept.buffer = result.buffer
-            return outcome
-
-    kept = _Kept(inner=Delivery(config, origin))
-    return kept
-
-
 def _learn(
     spec: RunSpec,
     planned: Plan,
-    kept: _Kept,
+    delivery: RunDelivery,
     name: str,
     cell_file: Path | None,
     cable_file: Path | None,
@@ -332,10 +300,10 @@ def _learn(
         remarks,
     )
 
-    assert kept.buffer is not None
+    assert delivery.result is not None
     sign = math.copysign(1.0, planned.motion.drive.feed_speed)
     with refused(IdentificationError, code=FAILED), busy("identifying the cell"):
-        run, clock = measured_run(kept.buffer, planned.config, planned.motion)
+        run, clock = measured_run(delivery.result.buffer, planned.config, planned.motion)
         posterior = identify_cell(run, planned.prior)
         following = ranked(
             planned.config, candidates(planned.reach, sign), planned.prior, posterior
@@ -344,9 +312,9 @@ def _learn(
     console.print(record_table(_NUMBERS, posterior.found, title="What was found, 90 % intervals"))
     for sentence in (*remarks(posterior, following), clock):
         console.print(sentence, highlight=False, soft_wrap=True)
-    source = f"commissioning run {kept.directory}"
-    cable_file = cable_file or kept.directory / f"{name}.yaml"
-    cell_file = cell_file or kept.directory / "found-cell.yaml"
+    source = f"commissioning run {delivery.directory}"
+    cable_file = cable_file or delivery.directory / f"{name}.yaml"
+    cell_file = cell_file or delivery.directory / "found-cell.yaml"
     cable = cable_of(name, spec, posterior, source)
     with staged(cable_file) as place:
         place.write_text(cable.text(), encoding="utf-8")
@@ -355,7 +323,7 @@ def _learn(
     with staged(cell_file) as place:
         place.write_text(text, encoding="utf-8")
     record = commissioning_record(posterior, planned.design[:_SHOWN], following[:_SHOWN])
-    write_json(kept.directory / "commissioning.json", record)
+    write_json(delivery.directory / "commissioning.json", record)
     console.print(f"cable: {cable_file}\ncell: {cell_file}", highlight=False, soft_wrap=True)
 
 

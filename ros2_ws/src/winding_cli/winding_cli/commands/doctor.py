@@ -1,4 +1,4 @@
-"""`winding doctor`: check a machine before the graph runs on it, and say what to do."""
+"""`winding doctor`: check a machine before the graph runs on it, and name remedies."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from cable_fem_node.winding.rig_prior import KNOWN_TENSION, RigPrior
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
@@ -15,11 +16,10 @@ from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.parameters import typed_values
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE
-from winding_study.identification.rig_prior import RigPriorParameters, prior_ranges
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from cable_fem_node.identification import RigPrior, TrackedRun
+    from cable_fem_node.identification import TrackedRun
     from cable_fem_node.winding.winding_config import WindingConfig
     from winding_core.markers import Markers
     from winding_study.identification.tensile import LawFit
@@ -41,7 +41,7 @@ _LAWS = (
 )
 
 
-@with_options(RunParameters, RigPriorParameters)
+@with_options(RunParameters, RigPrior)
 def identify(
     typed: Typed,
     known: Typed,
@@ -131,9 +131,7 @@ def _first(runs: list[TrackedRun], use: int | None) -> list[TrackedRun]:
 
 
 def _prior(known_tension: bool, known: Typed, fixing_mm: float, scatter_mm: float) -> RigPrior:
-    from cable_fem_node.identification import KNOWN_TENSION, RigPrior
-
-    ranges = prior_ranges(typed_values(RigPriorParameters, known, spelled))
+    ranges: dict[str, Any] = typed_values(RigPrior, known, spelled)
     return dataclasses.replace(
         KNOWN_TENSION if known_tension else RigPrior(),
         fixing=fixing_mm * MILLIMETRE,

@@ -1,4 +1,4 @@
-"""What a cell file, a cable of the library and options say is wound."""
+"""The condition that a cell file, a cable of the library and options state."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
 
     Args:
         spec: The run.
-        notes: What its recordings say of it beside the parameters, by name.
+        notes: What its recordings state of it beside the parameters, by name.
 
     Raises:
         ParameterError: A file, a camera, a node's parameter or the page cannot be had.

@@ -57,19 +57,26 @@ class RunDelivery:
     Args:
         config: Of the command.
         origin: Of a run that begins with the command.
+
+    Attributes:
+        directory: The command's folder.
+        result: What the newest run left; None before one was delivered.
+        outcome: How it came out; None where nothing was wound.
     """
 
     def __init__(self, config: RunConfig, origin: Origin) -> None:
+        self.result: RunResult | None = None
+        self.outcome: RunOutcome | None = None
         self._config, self._spec = config, config.spec
         self._origin = origin
         self._operated = config.page is not None
-        self._directory = config.directory
+        self.directory = config.directory
         self._count = 0
         self._flaws: list[str] = []
 
     def begin(self, directory: Path) -> None:
         """Take the folder that was made for the command."""
-        self._directory = directory
+        self.directory = directory
 
     def deliver(self, result: RunResult) -> RunOutcome | None:
         """Write and print what a run leaves; return how it came out, None where none was wound.
@@ -81,6 +88,7 @@ class RunDelivery:
         from winding_cli.run.record import run_record
         from winding_cli.terminal.origin import origin_here
 
+        self.result, self.outcome = result, None
         spec, machine = self._spec, self._config.machine
         condition = spec.condition
         # The condition of a machine with a driver of its own is the command line's in every run.
@@ -95,7 +103,7 @@ class RunDelivery:
         if result.wound:
             parameters[_RIG] |= result.wound
         # The first run has the command's own folder.
-        folder = self._directory / ("" if self._count == 1 else f"run-{self._count}")
+        folder = self.directory / ("" if self._count == 1 else f"run-{self._count}")
         asked = asked_extent(condition, None if machine is None else machine.end_angle)
         if chosen:
             condition = replace(condition, duration=min(condition.duration, result.buffer.time))
@@ -125,6 +133,7 @@ class RunDelivery:
         found = flaw(record, result, spec.given)
         if found:
             self._flaws.append(found)
+        self.outcome = record.outcome
         return record.outcome
 
     @property

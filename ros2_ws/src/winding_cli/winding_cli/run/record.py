@@ -76,7 +76,7 @@ def run_record(
         limits: Of that lay, in every turn after the second, and of the corrected lengths.
         asked: How far the run was to go.
         parameters: Of every node, by node.
-        origin: The process that made the run; None where a recording does not say.
+        origin: The process that made the run; None where a recording does not state it.
     """
     buffer = result.buffer
     what = condition.resolved()
@@ -154,7 +154,7 @@ def run_record(
         frames_lost=missing(frames, topics.CAMERA_INFO) + len(np.setdiff1d(frames, answered)),
         joint_states=len(joints),
         joint_states_lost=missing(joints, topics.JOINT_STATES),
-        # A recording does not say how long its run took.
+        # A recording does not state how long its run took.
         wall_s=result.wall_s or None,
         sim_s=reached,
         facts=_facts(buffer, corrected_by),
@@ -351,7 +351,7 @@ def _held_out(weights: str, digest: str, what: ResolvedCondition) -> dict[int, f
 
     Args:
         weights: Shipped name or folder; empty for a run without a correction.
-        digest: SHA-256 of its numbers; empty where the run did not say it.
+        digest: SHA-256 of its numbers; empty where the run did not state it.
         what: What was wound.
     """
     number = what.case.number

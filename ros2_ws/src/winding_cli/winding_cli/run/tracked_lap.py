@@ -22,7 +22,7 @@ _LAPS = 1.25
 
 
 def measured_run(buffer: RunBuffer, config: WindingConfig, motion: Motion) -> tuple[Measured, str]:
-    """Return a finished run, and what the tracker says of the camera's clock.
+    """Return a finished run, and the tracker's report on the camera's clock.
 
     Args:
         buffer: Messages of the run.

@@ -45,7 +45,7 @@ PANEL_OF_RECORD = {
     "LayTolerance": "Wanted lay",
     "ErrorLimit": "What is written",
     "PlanParameters": "Limits of the machine",
-    "RigPriorParameters": "Rig, as known before",
+    "RigPrior": "Rig, as known before",
     "DrumPlanParameters": "Drum",
 }
 

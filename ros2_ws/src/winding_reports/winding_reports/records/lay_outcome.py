@@ -46,7 +46,7 @@ def drum_outcome(
 
     Args:
         wound: The drum as it was to be filled.
-        control: States that the controller published, which say where the cable landed, shape (n,).
+        control: States of the controller, with the place of the landed cable, shape (n,).
         places: Measured places, each as high as its layer, shape (m,).
         faults: What the controller found, as plain values.
     """

@@ -1,4 +1,4 @@
-"""Which motion tells most: expected information by sensitivities of the markers."""
+"""The most informative motion: expected information by sensitivities of the markers."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ SEEN_AFTER = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """What a motion is expected to tell.
+    """The expected information of a motion.
 
     Attributes:
         gain: Mean of ln of how much smaller the volume of what is looked for becomes [nat].
@@ -82,13 +82,13 @@ def ranked(
     prior: CellPrior,
     known: CellPosterior | None = None,
 ) -> list[Expected]:
-    """Return what every motion is expected to tell, the most first.
+    """Return the expected information of every motion, the most first.
 
     Args:
         config: What is wound, as far as it is known.
         motions: That the machine can make.
         prior: What was known before.
-        known: What a run has told since; None before the first.
+        known: What a run has determined since; None before the first.
     """
     unknowns = prior.unknowns(config)
     asked = [k for k, item in enumerate(unknowns) if item.asked and not item.known]

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.identification.quasi_static import turning, unit_law
+from cable_fem_node.identification.quasi_static import landed_z, turning, unit_law
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -104,7 +104,7 @@ class CellLay:
         stretch = tables.stretch(held - bent)
         radius = case.cylinder_radius + case.cable_radius * tables.lateral(held)
         lag = (numbers["free_length"][:, None] + self._longer) * cosine / radius
-        z = _followed(lag, self._guide + numbers["eye"][:, None] * (theta > 0.0), step)
+        z = landed_z(lag, self._guide + numbers["eye"][:, None] * (theta > 0.0), step)
         slope = np.gradient(z, step, axis=1)
         density = np.hypot(radius, slope) / stretch
         laid = np.zeros_like(density)
@@ -227,18 +227,6 @@ def _held(span: Array, friction: Array, step: float) -> Array:
         now = span[:, k : k + 1]
         np.clip(held[:, first : k + 1], now / ratio, now * ratio, out=held[:, first : k + 1])
     return held
-
-
-def _followed(lag: Array, guide: Array, step: float) -> Array:
-    """Return z [m]: dz/dtheta = (guide - z) / lag, exact for a guide of straight pieces, (n, k)."""
-    middle = 0.5 * (lag[:, 1:] + lag[:, :-1])
-    behind = middle * (np.diff(guide, axis=1) / step)
-    decay = np.exp(-step / middle)
-    added = guide[:, 1:] - behind - decay * (guide[:, :-1] - behind)
-    z = np.zeros_like(lag)
-    for k in range(lag.shape[1] - 1):
-        z[:, k + 1] = decay[:, k] * z[:, k] + added[:, k]
-    return z
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,7 +13,8 @@ import numpy as np
 
 from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.identification import IdentificationError, Readings
-from cable_fem_node.identification.rig_posterior import Belief, interval_of
+from cable_fem_node.identification.levenberg import optimum, student
+from cable_fem_node.identification.rig_posterior import Belief, covariance_of
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.run_inputs import Inputs
 from winding_study.commissioning.lay import CellLay, Places
@@ -38,6 +39,7 @@ _PROBE = 1.0e-3
 # The rod is wound at so many optima at most; its slopes are found at this one. Its elements are
 # seen in steps that are shorter.
 _STEPS, _ROD_CALLS, _FIRST, _ROD_STEPS = 40, 5, 1, (0.1, 0.5)
+_LEAST_GAIN = 1.0e-3
 _EXACT = ("load_share", "eye", "camera_scale")
 # The search ends where the rod moves it by less than this share of a deviation.
 _SETTLED = 0.2
@@ -71,7 +73,7 @@ class Found(Belief):
 
 @dataclass(frozen=True, kw_only=True)
 class CellPosterior:
-    """What a run says of a cell.
+    """What a run determines of a cell.
 
     Attributes:
         draws: Numbers by name, shape (n,) each, with `weights`, which sum to one.
@@ -236,7 +238,13 @@ def identify_cell(
     try:
         for attempt in range(_ROD_CALLS + 1):
             before = u
-            u, information, cost = _best(markers, coordinates, u)
+            (u,), (information,), (cost,) = optimum(
+                lambda places: _residuals(markers, coordinates, places[0])[0][None],
+                u[None],
+                probe=_PROBE,
+                steps=_STEPS,
+                settled=_LEAST_GAIN,
+            )
             moved = before - u
             if attempt > _FIRST and float(moved @ information @ moved) < _SETTLED**2 * COUNT:
                 break
@@ -247,14 +255,12 @@ def identify_cell(
     except (SolverError, ValueError) as error:
         raise IdentificationError(f"the rod cannot wind the best cell: {error}") from error
     measured = markers.measured.size
-    squares = 2.0 * cost
+    squares = 2.0 * float(cost)
     misfit = 1.0
     if float(chdtrc(measured, squares)) < _MISFIT:
         misfit = math.sqrt(squares / measured)
         information = information / misfit**2
     sample, weights = _drawn(markers, coordinates, u, information, misfit, draws)
-    q = coordinates.deviates(sample)
-    off = q - weights @ q
     numbers = coordinates.numbers(sample)
     return CellPosterior(
         unknowns=unknowns,
@@ -262,7 +268,7 @@ def identify_cell(
         weights=weights,
         best=coordinates.numbers(u[None]),
         deviates=coordinates.deviates(u[None])[0],
-        covariance=np.asarray((off * weights[:, None]).T @ off),
+        covariance=covariance_of(coordinates.deviates(sample), weights),
         found=tuple(_found(unknowns, numbers, weights)),
         chi_square=squares,
         measured=measured,
@@ -276,32 +282,6 @@ def _residuals(markers: Whitened, coordinates: Coordinates, u: Array) -> tuple[A
     numbers = coordinates.numbers(u)
     prior, more = coordinates.prior(u, numbers)
     return np.hstack([markers.residuals(u, numbers), prior]), more
-
-
-def _best(markers: Whitened, coordinates: Coordinates, u: Array) -> tuple[Array, Array, float]:
-    """Return optimum, information there, half the sum of squares; Levenberg and Marquardt."""
-    probes = np.vstack([np.zeros(COUNT), _PROBE * np.eye(COUNT)])
-
-    def around(place: Array) -> tuple[Array, Array, float]:
-        rows, _ = _residuals(markers, coordinates, place + probes)
-        return rows[0], (rows[1:] - rows[0]) / _PROBE, 0.5 * float(rows[0] @ rows[0])
-
-    base, slope, cost = around(u)
-    damping = 1.0e-3
-    for _ in range(_STEPS):
-        information = slope @ slope.T
-        pull = slope @ base
-        damped = information + damping * np.diag(np.diag(information))
-        step = np.clip(-np.linalg.solve(damped, pull), -1.5, 1.5)
-        if -float(pull @ step) < 1.0e-3:
-            break
-        tried = around(u + step)
-        if tried[2] < cost:
-            u, (base, slope, cost) = u + step, tried
-            damping = max(0.1 * damping, 1.0e-9)
-        else:
-            damping = min(10.0 * damping, 1.0e8)
-    return u, slope @ slope.T, cost
 
 
 def _drawn(
@@ -321,13 +301,8 @@ def _drawn(
     rng = np.random.default_rng(0)
     middle, covariance = u, np.linalg.inv(information)
     for last in (*(False,) * _ROUNDS, True):
-        spread = np.linalg.cholesky(covariance)
-        normal = rng.standard_normal((count, COUNT))
-        normal[1::2] = -normal[: count - 1 : 2]
-        tail = np.repeat(np.sqrt(_FREEDOM / rng.chisquare(_FREEDOM, (count + 1) // 2)), 2)[:count]
-        sample = middle + (normal * tail[:, None]) @ spread.T
-        squares = (normal**2).sum(axis=1) * tail**2
-        proposed = -0.5 * (_FREEDOM + COUNT) * np.log1p(squares / _FREEDOM)
+        drawn, proposed = student(rng, count, COUNT, _FREEDOM)
+        sample = middle + drawn @ np.linalg.cholesky(covariance).T
         rows, more = _residuals(markers, coordinates, sample)
         fit = (rows[:, :-COUNT] ** 2).sum(axis=1) / misfit**2 + (rows[:, -COUNT:] ** 2).sum(axis=1)
         weight = more - 0.5 * fit - proposed
@@ -335,9 +310,7 @@ def _drawn(
         weight = np.minimum(weight, weight.mean() * math.sqrt(count))
         weight /= weight.sum()
         if not last:
-            middle = weight @ sample
-            off = sample - middle
-            seen = (off * weight[:, None]).T @ off
+            middle, seen = weight @ sample, covariance_of(sample, weight)
             # Few draws that count leave a covariance of low rank: the one before fills it up.
             trusted = min(1.0, 1.0 / float(weight @ weight) / (5.0 * COUNT))
             covariance = trusted * seen + (1.0 - trusted) * covariance
@@ -360,22 +333,16 @@ def _found(unknowns: tuple[Unknown, ...], numbers: dict[str, Array], weights: Ar
     ]
     made = []
     for name, words, unit in rows:
-        values, prior = numbers[name], before[name]
-        mean = float(weights @ values)
-        low, high = interval_of(values, weights)
+        prior = before[name]
         prior_low, prior_high = np.quantile(prior, [0.05, 0.95])
         made.append(
             Found(
+                **vars(Belief.of(numbers[name], weights, float(prior.std()))),
                 name=name,
                 words=words,
                 unit=unit,
-                mean=mean,
-                deviation=math.sqrt(float(weights @ (values - mean) ** 2)),
-                low=low,
-                high=high,
                 prior_low=float(prior_low),
                 prior_high=float(prior_high),
-                prior_deviation=float(prior.std()),
             )
         )
     return made

@@ -110,7 +110,7 @@ def number_lines(posterior: CellPosterior) -> Iterator[str]:
 
 
 def remarks(posterior: CellPosterior, following: Sequence[Expected]) -> Iterator[str]:
-    """Yield what stays unknown, why, and which next run would tell most."""
+    """Yield what stays unknown, why, and the most informative next run."""
     left = [item.words.split(",")[0] for item in posterior.found if not item.observed]
     if left:
         yield f"unobservable in this run, the prior remains: {', '.join(left)}"
@@ -160,7 +160,7 @@ def commissioning_record(
 
 
 def expected_record(item: Expected) -> dict[str, Any]:
-    """Return what a motion is expected to tell as JSON values, SI units."""
+    """Return the expected information of a motion as JSON values, SI units."""
     motion = item.motion
     return {
         "gain_nat": item.gain,

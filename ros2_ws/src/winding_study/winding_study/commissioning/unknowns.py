@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.identification import RigPrior
+from cable_fem_node.identification.rig import mean_growth
+from cable_fem_node.winding.rig_prior import RigPrior
 from cable_fem_node.winding.winding_config import WindingConfig
 
 Array = NDArray[np.float64]
@@ -37,7 +39,7 @@ class Unknown:
     name: str
     words: str
     unit: float = 1.0
-    range: tuple[float, float] = (0.0, 0.0)
+    range: Sequence[float] = (0.0, 0.0)
     even_log: bool = False
     normal: tuple[float, float] | None = None
     asked: bool = True
@@ -69,7 +71,7 @@ class Unknown:
 
 @dataclass(frozen=True, kw_only=True)
 class CellPrior:
-    """What data sheet, drawing and construction say before the run.
+    """What data sheet, drawing and construction state before the run.
 
     Attributes:
         rig: Of modulus, free length, load share, drag and build-up; its `steady` and `held` are
@@ -203,7 +205,5 @@ class Coordinates:
     def _landed(self, found: Numbers) -> Array:
         """Return the mean stress that lands [Pa], shape (n,)."""
         full = found["load_share"] * self.pull + found["guide_drag"]
-        length = found["build_up_length"]
-        decay = -np.expm1(-self.wound / length) * (length / self.wound)
-        grown = np.maximum(1.0 - (1.0 - found["start_share"]) * decay, 1.0e-3)
+        grown = mean_growth(found["start_share"], found["build_up_length"], self.wound)
         return np.asarray(full * grown / self.area)

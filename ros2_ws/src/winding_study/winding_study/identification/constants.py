@@ -39,7 +39,7 @@ class ConstantsEstimate:
 
     @property
     def separable(self) -> bool:
-        """Whether the runs tell C10 and C01 apart, and not only their sum."""
+        """Whether the runs determine C10 and C01, and not only their sum."""
         return self.law != "mooney_rivlin" or self.share_standard_error <= _SEPARABLE
 
     def statement(self) -> str:
@@ -71,7 +71,7 @@ def identify_constants(
         runs: Of one cable under at least two tensions.
         law: "neo_hookean" or "mooney_rivlin"; Poisson's ratio is the configuration's.
         config: Beliefs and limits.
-        going: Asked again and again whether the result is still wanted.
+        going: Called repeatedly; false when the result is no longer wanted.
 
     Raises:
         IdentificationError: Another law, fewer than two runs, or no fit.

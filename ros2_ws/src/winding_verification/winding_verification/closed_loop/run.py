@@ -24,7 +24,6 @@ from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.layers import WoundDrum
 from winding_core.lay.records import LAY_DTYPE, ControlMode, LayRecords
 from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets, TensionCommand
-from winding_core.machine.drum import Drum
 from winding_core.machine.readings import AxisReading
 from winding_core.machine.tension import RigTension
 from winding_core.markers import MARKER_DTYPE, Markers
@@ -50,44 +49,8 @@ _PLACES = 864
 _ROD_STRIDE = 10
 
 
-class DrivenTruth:
-    """The lay of the simulated rig: it sticks where it lands.
-
-    Args:
-        case: What is wound.
-        hidden: What the rig does to it.
-        drum: Between whose flanges it is wound; None for a bare cylinder.
-    """
-
-    def __init__(self, case: Case, hidden: HiddenRig, drum: Drum | None = None) -> None:
-        self._lay, self._bare = DrivenLay(case, hidden, drum), case.centreline_radius
-
-    def lay(self) -> LayTruth:
-        """Return where the cable lies."""
-        return self._lay.truth(self._lay.wound_angle)
-
-    def lift_at(self, theta: Array) -> Array:
-        """Return the height above cable on the bare cylinder [m] at wound angles [rad]."""
-        truth = self.lay()
-        if not truth.radius.size:
-            return np.zeros(theta.shape)
-        return np.asarray(np.interp(theta, truth.theta, truth.radius) - self._bare)
-
-    def advance(self, t: float, reading: AxisReading, pull: float) -> None:
-        """Go on to a time [s], the axes as they truly stand, under a pull at the guide [N]."""
-        self._lay.advance(reading.cylinder_angle, reading.carriage_position, pull)
-
-    def z_at(self, theta: ArrayLike) -> Array:
-        """Return where the cable lies [m] at wound angles [rad], same shape."""
-        return self._lay.z_at(theta)
-
-    def marker_theta(self) -> Array:
-        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
-        return self._lay.marker_theta[1:].copy()
-
-
 class RodTruth:
-    """The explicit rod with contact and friction, behind the same hidden rig.
+    """The explicit rod with contact and friction behind the hidden rig of a `DrivenLay`.
 
     Its law of the lag is its own: bending, inertia and slip are those of the finite elements.
 
@@ -107,7 +70,7 @@ class RodTruth:
         self._build_up = RigTension(
             start_share=hidden.start_share, build_up_length=hidden.build_up_length
         )
-        self._spacing = case.marker_spacing * np.arange(1, case.marker_count + 1)
+        self._spacing = case.marker_spacing * np.arange(case.marker_count + 1)
         self._diameter = case.cylinder_diameter
         self._eye = 0.0
         self._held = case.weight
@@ -145,8 +108,9 @@ class RodTruth:
         _, wound, z = self._wound()
         return np.asarray(np.interp(np.asarray(theta, dtype=float), wound, z, right=np.nan))
 
+    @property
     def marker_theta(self) -> Array:
-        """Return wound angles of P1 to the last marker [rad]; nan for one that has not landed."""
+        """Wound angles of P0 to the last marker [rad]; nan for one that has not landed."""
         arc, wound, _ = self._wound()
         return np.asarray(np.interp(self._spacing, arc, wound, right=np.nan))
 
@@ -180,7 +144,7 @@ class SimulatedTracker:
 
     def __init__(
         self,
-        truth: DrivenTruth | RodTruth,
+        truth: DrivenLay | RodTruth,
         errors: CameraErrors,
         rng: np.random.Generator,
         highest: float = math.inf,
@@ -195,7 +159,7 @@ class SimulatedTracker:
         """Return the records of one frame with the cylinder at a wound angle [rad]."""
         errors, rng = self._errors, self._rng
         near, far = _MARKER_SEEN
-        at = self._truth.marker_theta()
+        at = self._truth.marker_theta[1:]
         seen = [n for n in range(at.size) if near < theta - at[n] < far]
         records = np.zeros(len(seen), dtype=MARKER_DTYPE)
         for record, n in zip(records, seen, strict=True):
@@ -221,8 +185,11 @@ class SimulatedTracker:
         own = self._of_places[numbers % _PLACES]
         records["z"] = self._truth.z_at(records["theta"]) + self._common + own
         records["sigma_z"] = self._errors.lay_z
-        if isinstance(self._truth, DrivenTruth):
-            records["lift"] = self._truth.lift_at(records["theta"])
+        if isinstance(self._truth, DrivenLay):
+            laid = self._truth.truth(self._truth.wound_angle)
+            if laid.radius.size:
+                on_bare = self._truth.case.centreline_radius
+                records["lift"] = np.interp(records["theta"], laid.theta, laid.radius) - on_bare
         known = np.isfinite(records["z"]) & (records["lift"] <= self._highest)
         seen: LayRecords = records[known]
         return seen
@@ -285,7 +252,7 @@ def wind(run: ClosedRun) -> ClosedResult:
     truth = (
         RodTruth(case, run.hidden, what.friction)
         if run.truth == "rod"
-        else DrivenTruth(case, run.hidden, run.drum.drum if run.drum else None)
+        else DrivenLay(case, run.hidden, run.drum.drum if run.drum else None)
     )
     tracker = SimulatedTracker(truth, run.errors, rng, run.highest_seen)
     limits = CommandLimits()
@@ -318,17 +285,18 @@ def wind(run: ClosedRun) -> ClosedResult:
         sample += 1
         state = machine.state
         reading = machine.reading()
-        truth.advance(
-            machine.time,
-            AxisReading(
-                cylinder_angle=state.cylinder.motor.position,
-                angular_speed=state.cylinder.motor.speed,
-                carriage_position=state.carriage.motor.position
-                + run.displaced(state.cylinder.motor.position),
+        motor = state.cylinder.motor
+        eye = state.carriage.motor.position + run.displaced(motor.position)
+        if isinstance(truth, DrivenLay):
+            truth.advance(motor.position, eye, machine.pull)
+        else:
+            true = AxisReading(
+                cylinder_angle=motor.position,
+                angular_speed=motor.speed,
+                carriage_position=eye,
                 feed_speed=state.carriage.motor.speed,
-            ),
-            machine.pull,
-        )
+            )
+            truth.advance(machine.time, true, machine.pull)
         if sample % _FRAMES == 0:
             controller.take_markers(tracker.markers(reading.cylinder_angle))
         if sample % _LAYS == 0:
@@ -342,7 +310,7 @@ def wind(run: ClosedRun) -> ClosedResult:
             carriage.append(reading.carriage_position)
             if run.mode is ControlMode.DRIVE:
                 _command(machine, setpoint)
-    at = truth.marker_theta()
+    at = truth.marker_theta[1:].copy()
     theta = np.arange(0.0, run.end, 0.02)
     z = truth.z_at(theta)
     known = np.isfinite(z)
@@ -357,7 +325,7 @@ def wind(run: ClosedRun) -> ClosedResult:
         error=z - wanted,
         setpoints=tuple(setpoints),
         carriage=np.array(carriage),
-        lay=truth.lay() if isinstance(truth, DrivenTruth) else None,
+        lay=truth.truth(truth.wound_angle) if isinstance(truth, DrivenLay) else None,
         faults=tuple(controller.watch.faults) if controller.watch else (),
     )
 

@@ -55,7 +55,7 @@ def accuracy_by_noise(
     Lengths alone cannot do much better: cases 3 and 6 are 0.3 % apart and eight of the twelve
     have another case within 2 % (root mean square), so even the nearest exact case is right in
     only 0.90, 0.79 and 0.64 of the runs with marker noise. The 0.98, 0.91 and 0.69 of an earlier
-    study of these tables need something else that tells cases apart: dividing each length by the
+    study of these tables need something else that separates cases: dividing each length by the
     paper's own simulation of the same case gives 0.98, 0.92 and 0.76, but that asks which case it
     is in order to say which case it is. Raw instead of logarithmic lengths, or a five-fold split
     instead of a fresh campaign, change the numbers by 0.05 at most.

@@ -174,7 +174,7 @@ class WithinRunScore:
     """The law within a run beside its plain rivals, in percent of the predicted length.
 
     Attributes:
-        held_out_pct: Mean error over the cells, L_c from the other eleven cases: the honest one.
+        held_out_pct: Mean error over the cells, L_c from the other eleven cases.
         rivals_pct: Mean error over the same cells of each plain rival, by name; nothing learned.
     """
 
@@ -197,7 +197,7 @@ def score_within_run(cells: Sequence[LengthCell], measured: int = FEWEST) -> Wit
     those other cases, each predicted without itself; so the interval of a case has seen nothing
     of that case but its measured markers. The largest of eleven scores misses the twelfth case
     only when that one is the worst of all: on twelve cases the coverage cannot be far from
-    11/12, whatever the law. How wide the interval must be for that is what tells laws apart.
+    11/12, whatever the law. Laws differ in how wide the interval must be for that.
 
     Args:
         cells: Measured cells with predictions; more than two cases.

@@ -97,7 +97,7 @@ def compare(file: Path) -> Iterator[ExternalRow]:
 
 
 def _lacks(scenario: Scenario) -> str:
-    """Return what an experiment does not tell and is nothing without; empty if it tells all."""
+    """Return what an experiment lacks and cannot be compared without; empty if nothing."""
     loaded = all(rod.load.any() for rod in scenario.rods)
     turned = all(rod.turn.size and rod.turn[-1] > 0.0 for rod in scenario.rods)
     needs = {

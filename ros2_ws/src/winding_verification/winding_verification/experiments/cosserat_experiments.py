@@ -82,7 +82,7 @@ def twist(scenario: Scenario) -> Metrics:
 
     Rods held near that twist stray exponentially at a rate s that obeys
     s^2 + c s = a (twist - critical), whatever the damping c is; the line through the three
-    growing rods that are nearest tells where growth would begin.
+    growing rods that are nearest is extrapolated to no growth.
     """
     levels, rates = [], []
     for spec in scenario.rods:
@@ -190,8 +190,8 @@ def critical_twist(spec: ScenarioRod) -> float:
 def _greenhill(moment: float, tension: float) -> float:
     """Return a number that changes its sign where such a rod buckles; both without dimension.
 
-    With w'' = exp(i m z / 2) v, v'' = -k^2 v, k^2 = m^2 / 4 - t, the conditions at both ends say
-    that the integrals of w'' and of z w'' vanish; the determinant of v's two shapes is real up to
+    With w'' = exp(i m z / 2) v, v'' = -k^2 v, k^2 = m^2 / 4 - t, the ends' conditions are that the
+    integrals of w'' and of z w'' vanish; the determinant of v's two shapes is real up to
     a phase.
     """
     k = math.sqrt(0.25 * moment**2 - tension)
@@ -222,7 +222,7 @@ def _built(spec: ScenarioRod, elements: int, *, framed: bool = False) -> tuple[R
 
 
 def _growth(spec: ScenarioRod, duration: float) -> float:
-    """Return the rate at which a rod strays while its twist is held [1/s]; nan if too few tell."""
+    """Return the rate at which a rod with held twist strays [1/s]; nan for too few samples."""
     # The discrete rod buckles 1.7 to 2.2 % early with 50 elements, and 1 / n^2 of that with more.
     rod, along = _built(spec, 125, framed=True)
     if spec.slides:

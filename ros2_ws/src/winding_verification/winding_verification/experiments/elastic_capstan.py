@@ -66,7 +66,7 @@ def slipping_ratio(friction: float, wrap: float, stiffness: float) -> float:
     """Return the same of this project's rod: the strong end's pull is raised until it slides.
 
     A damped rod that slides is faster in proportion to what it is pulled with beyond the limit; the
-    line through its speeds tells where they would be zero.
+    line through its speeds is extrapolated to zero.
 
     Args:
         friction: Coulomb's coefficient mu [1].

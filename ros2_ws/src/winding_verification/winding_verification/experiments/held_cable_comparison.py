@@ -33,7 +33,7 @@ class HeldCable:
     Attributes:
         natural: Unstressed curvature about the horizontal y axis and across it, at the start's
             clamp and evenly along the cable, two numbers [1/m].
-        own: Share of what the first frame tells of the unstressed shape beyond `natural`, 0 to 1.
+        own: Share of the first frame's shape beyond `natural` that is unstressed, 0 to 1.
     """
 
     bending: float  # EI / (rho A) [m^4/s^2]

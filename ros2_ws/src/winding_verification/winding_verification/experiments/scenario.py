@@ -21,7 +21,7 @@ _MOST_POISSON = 0.4999
 
 
 class ExternalFileError(ValueError):
-    """A file does not say what such a file must say."""
+    """A file lacks or contradicts what its format requires."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ class Row:
     """A run with faults, and how it has to come out."""
 
     plan: Plan  # What is tried
-    # Pattern of who ends it; empty where nothing is left to tell, None where the observer judges
+    # Pattern of who ends it; empty where nothing is left to report, None where the observer judges
     ended_by: str | None = None
     source: str = ""  # Pattern of the source of the first cause; empty for none
     machine: str = "standing"  # Where the machine is left

@@ -73,7 +73,7 @@ def _found(plan: Plan, account: Account) -> Iterator[str]:
     yield from _turns_disagree(account, outcome, verdict)
     yield from _cause_disagrees(account, outcome, put_in)
     codes = (1,) if verdict is Verdict.FAILED else _CODES.get(EndedBy(outcome["ended_by"]), (0, 1))
-    # Haste is what the code tells of.
+    # The exit code reports haste.
     if account.code not in codes and not (account.code == 130 and _signals(put_in) > 1):
         yield f"verdict {verdict} and exit code {account.code}"
     # A disk that takes no more may have cut the terminal's own words.
@@ -110,7 +110,7 @@ def _motion_disagrees(plan: Plan, account: Account, outcome: Mapping[str, Any]) 
         if written is not Motion.STANDING:
             yield f"the simulated machine is written down as {written}"
         return
-    # One that is held or dies after it has stood is heard no more by the last look at it.
+    # One that is held or dies after it has stood publishes nothing more by the last look at it.
     silenced = any(_SILENCED.match(note["what"]) for note in account.seen["notes"])
     if seen is Motion.UNKNOWN and silenced:
         seen = Motion(account.seen["last_motion"])
