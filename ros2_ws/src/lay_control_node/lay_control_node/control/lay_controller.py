@@ -188,6 +188,8 @@ class LayController:
         for place in new:
             theta, z, sigma = (float(place[name]) for name in ("theta", "z", "sigma_z"))
             wanted = self.wanted.at(theta)
+            if self.watch is not None:
+                self.watch.see_height(theta, z, float(place["lift"]))
             lies = (place["flags"] & (LayFlag.OVERLAP | LayFlag.CLIMB)) == 0
             if wanted.raised > 0.0:
                 lies = abs(place["lift"] - wanted.raised) < self.config.height_tolerance
