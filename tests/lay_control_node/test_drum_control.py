@@ -76,20 +76,22 @@ def pushed(begin: float, off: float) -> Callable[[float], float]:
     return lambda angle: off if begin < angle / TURN < begin + 1.0 else 0.0
 
 
-@pytest.mark.parametrize("off", [4.0 * D, -4.0 * D], ids=["away", "back"])
-def test_what_only_the_camera_sees_is_found_within_a_turn(off: float) -> None:
+@pytest.mark.parametrize("begin", [1.5, 7.5], ids=["first layer", "second layer"])
+@pytest.mark.parametrize("off", [4.0 * D, -4.0 * D], ids=["to higher z", "to lower z"])
+def test_what_only_the_camera_sees_is_found_within_a_turn(begin: float, off: float) -> None:
     """The eye is off its carriage: encoder and guide do not show it, the tracker does."""
-    begin = 1.5
-    result = closed(3, True, pushed(begin, off), 0.35)
+    result = closed(3, True, pushed(begin, off), (begin + 4.5) / WOUND.turns)
     assert result.lay is not None
     theta, z = result.lay.theta, result.lay.z
-    after = theta > TURN
-    apart = z[after] - np.interp(theta[after] - TURN, theta, z)
+    onward = next(item.direction for item in WOUND.layers if begin < item.last_turn)
+    after = theta > begin * TURN
+    apart = onward * (z[after] - np.interp(theta[after] - TURN, theta, z))
     wrong = theta[after][np.abs(apart - PITCH) > 0.3 * D]
-    assert begin * TURN < wrong.min()
     found = [(fault.kind, fault.theta) for fault in result.faults]
     assert {kind for kind, _ in found} >= {Fault.GAP, Fault.CLIMB}
     assert wrong.min() < min(at for _, at in found) < wrong.min() + TURN
+    first = min(result.faults, key=lambda fault: fault.theta)
+    assert first.kind is (Fault.GAP if off * onward > 0.0 else Fault.CLIMB)
 
 
 STEP = 0.02

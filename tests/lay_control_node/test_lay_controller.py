@@ -337,6 +337,29 @@ def test_heights_that_keep_coming_are_believed_after_half_a_turn() -> None:
     assert now.z == pytest.approx(float(law.z(now.theta)) + 0.02, abs=2.0e-3)
 
 
+def test_the_pull_follows_the_program_where_a_brake_gives_it() -> None:
+    what = Condition(case=4, law="neo_hookean").resolved()
+    weight = what.case.weight
+    theta = np.arange(4.0)
+    # Stated twice, above what the brake may give, and left to the weight.
+    tension = np.array([0.8 * weight, math.nan, 9.0 * weight, 0.8 * weight])
+    program = LayProgram(theta=theta, z=ADVANCE * theta, tension=tension)
+    control = ControlParameters()
+    wanted = WantedProgram.of(program, what, control.limits(what))
+    for brake in (True, False):
+        controller = control.controller(
+            what, wanted, markers={}, mode=ControlMode.DRIVE, brake=brake
+        )
+        pulls = []
+        for k, angle in enumerate((0.5, 1.5, 2.5)):
+            reading = AxisReading(
+                cylinder_angle=angle, angular_speed=OMEGA, carriage_position=0.0, feed_speed=0.0
+            )
+            pulls.append(controller.advance(0.1 * k, reading, weight).pull)
+        shares = [0.8, 1.0, control.pull_range[1]]
+        assert pulls == ([share * weight for share in shares] if brake else [None] * 3)
+
+
 ROUNDING = 1.0e-9
 
 

@@ -18,14 +18,27 @@ from winding_rig_node.lay.lay_on import HiddenRig
 STEP = 0.02
 
 
-def wound(case, pitch, room, share):
-    """Wind three layers behind a guide that inverts the lag; return tracker, lay and program."""
+def arriving(count, seed):
+    """Return which of so many frames arrive; every now and then up to half a radian is lost."""
+    rng, kept, at = np.random.default_rng(seed), np.zeros(count, dtype=bool), 0
+    while at < count:
+        end = at + int(rng.integers(1, 60))
+        kept[at:end] = True
+        at = end + int(rng.uniform(0.0, 0.5) / STEP)
+    return kept
+
+
+def wound(case, pitch, room, share, lost=None, turns=math.inf):
+    """Wind three layers behind a guide that inverts the lag; return tracker, lay and program.
+
+    Frames are lost by the seed `lost`; none without one.
+    """
     what = Condition(case=case).resolved()
     cable, d = what.case, what.case.cable_diameter
     drum = DrumParameters(drum_width=room * pitch * d + d, flange=0.02, layers=3)
     full = drum.wind(cable, pitch * d)
     program, lag = full.program(), what.free_length / cable.centreline_radius
-    theta = np.arange(0.0, program.end, STEP)
+    theta = np.arange(0.0, min(program.end, turns * TURN), STEP)
     # Corners are rounded as a carriage rounds them.
     wanted = np.convolve(
         np.pad(program.z_at(theta), 15, mode="edge"), np.hanning(31) / 15.0, "same"
@@ -50,7 +63,8 @@ def wound(case, pitch, room, share):
         ),
         pinhole(SMALL),
     )
-    for angle, at in zip(theta.tolist(), guide.tolist(), strict=True):
+    kept = np.ones(theta.size, dtype=bool) if lost is None else arriving(theta.size, lost)
+    for angle, at, arrives in zip(theta.tolist(), guide.tolist(), kept, strict=True):
         lay.advance(angle, at, cable.weight)
         seen = shown.at(at, lay.view())
         scene = Scene(
@@ -62,16 +76,25 @@ def wound(case, pitch, room, share):
             guide_z=seen.guide_z,
             free_length=seen.free_length,
         )
-        tracker.take(renderer.render(scene, rng), LayReading(cylinder_angle=angle, guide_z=at))
+        frame = renderer.render(scene, rng)
+        if arrives:
+            tracker.take(frame, LayReading(cylinder_angle=angle, guide_z=at))
     return tracker, lay.truth(lay.wound_angle), program
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("case", "pitch", "room", "share"), [(9, 1.03, 3.4, 1.0), (7, 1.1, 3.6, 0.9)]
+    ("film", "lost", "turns"),
+    [
+        ((9, 1.03, 3.4, 1.0), None, math.inf),
+        ((7, 1.1, 3.6, 0.9), None, math.inf),
+        # The turn before was taken for the newest one from 11.9 turns on.
+        ((9, 1.025, 5.34, 1.05), 1, 13.4),
+    ],
+    ids=["case 9", "case 7", "frames lost"],
 )
-def test_turns_of_every_layer_are_told_from_their_neighbours(case, pitch, room, share):
-    tracker, truth, program = wound(case, pitch, room, share)
+def test_turns_of_every_layer_are_told_from_their_neighbours(film, lost, turns):
+    tracker, truth, program = wound(*film, lost, turns)
     d = tracker.config.diameter
     records = tracker.records()
     records = records[records["theta"] > 0.05]

@@ -16,9 +16,10 @@ from rclpy.parameter import Parameter
 from rig_bench import RigBench, refusal
 from sensor_msgs.msg import CameraInfo, JointState
 from sensor_msgs.srv import SetCameraInfo
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from winding_core.cable.cases import paper_case
-from winding_core.machine.commands import AxisTarget, JointTrajectory, TensionCommand, Waypoint
+from winding_core.machine.commands import AxisTarget, TensionCommand
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
 from winding_core.status import Level
@@ -29,7 +30,6 @@ from winding_rig_node.ros.outputs import rig_status
 from winding_ros import topics
 from winding_ros.messages.camera import decode_camera_info, encode_camera_info
 from winding_ros.messages.clouds import encode_cloud
-from winding_ros.messages.commands import encode_trajectory
 from winding_ros.messages.rig import encode_joint_state, encode_tension
 from winding_ros.messages.stamps import decode_stamp
 from winding_ros.topic import Topic
@@ -291,11 +291,11 @@ def test_joint_targets_move_an_axis(ros: Any) -> None:
 def test_a_joint_trajectory_moves_both_axes_to_its_end(ros: Any) -> None:
     bench = Commanded(ros)
     angle = bench.axes.position[0] + 0.5
-    waypoints = {
-        "carriage": (Waypoint(t=0.4, position=0.01), Waypoint(t=0.8, position=0.02)),
-        "cylinder": (Waypoint(t=0.4, position=angle), Waypoint(t=0.8, position=angle)),
-    }
-    plan = encode_trajectory(JointTrajectory(t=0.0, axes=waypoints))
+    plan = JointTrajectory(joint_names=["carriage_joint", "cylinder_joint"])
+    for nanosec, carriage in ((400_000_000, 0.01), (800_000_000, 0.02)):
+        point = JointTrajectoryPoint(positions=[carriage, angle])
+        point.time_from_start.nanosec = nanosec
+        plan.points.append(point)
     bench.send(topics.JOINT_TRAJECTORY, plan)
     ros.spin_until(lambda: abs(bench.carriage - 0.02) < 0.1e-3)
     ros.spin_until(lambda: abs(bench.axes.position[0] - angle) < 1.0e-3)

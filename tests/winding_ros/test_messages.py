@@ -44,7 +44,6 @@ from winding_ros.messages.commands import (
     decode_targets,
     decode_trajectory,
     encode_targets,
-    encode_trajectory,
 )
 from winding_ros.messages.diagnostics import (
     NAME,
@@ -276,9 +275,12 @@ def test_targets_come_back_with_what_is_left_open() -> None:
 
 
 @pytest.mark.parametrize("speed", [None, 0.25])
-def test_trajectories_come_back(speed: float | None) -> None:
-    plan = JointTrajectory(t=1.5, axes={"carriage": (Waypoint(t=0.5, position=0.1, speed=speed),)})
-    assert decode_trajectory(encode_trajectory(plan)) == (1.5, plan)
+def test_trajectories_are_read(speed: float | None) -> None:
+    message = trajectory(["carriage_joint"], (2, [0.1], [] if speed is None else [speed]))
+    message.header.stamp.sec = 1
+    waypoint = Waypoint(t=2.0, position=0.1, speed=speed)
+    plan = JointTrajectory(t=1.0, axes={"carriage": (waypoint,)})
+    assert decode_trajectory(message) == (1.0, plan)
 
 
 def test_an_empty_trajectory_holds_both_axes() -> None:

@@ -95,6 +95,7 @@ class ControlParameters(GuideBounds):
         mode: ControlMode,
         solver_patience: float = math.inf,
         wound: WoundDrum | None = None,
+        brake: bool = False,
     ) -> LayController:
         """Return the controller of a condition.
 
@@ -106,6 +107,7 @@ class ControlParameters(GuideBounds):
             mode: What it begins in.
             solver_patience: Time without the solver before the drive programme is followed [s].
             wound: The drum as it is to be filled; None for a bare cylinder.
+            brake: Whether a brake gives the pull that the program states where no marker is wanted.
 
         Raises:
             ValueError: Limits end before they begin, or the cable's stress fades.
@@ -121,6 +123,7 @@ class ControlParameters(GuideBounds):
         )
         radius = case.centreline_radius
         landing = None
+        pulls = (self.pull_range[0] * case.weight, self.pull_range[1] * case.weight)
         if markers:
             landing = LandingLaw(
                 law,
@@ -129,8 +132,8 @@ class ControlParameters(GuideBounds):
                 markers=markers,
                 wanted=wanted,
                 bounds=PullBounds(
-                    low=self.pull_range[0] * case.weight,
-                    high=self.pull_range[1] * case.weight,
+                    low=pulls[0],
+                    high=pulls[1],
                     per_radian=_PULL_CHANGE * what.friction,
                 ),
             )
@@ -147,6 +150,7 @@ class ControlParameters(GuideBounds):
                 following_error=self.following_error,
                 height_tolerance=HEIGHT_TOLERANCE * case.cable_diameter,
                 solver_patience=solver_patience,
+                pulls=pulls if brake else None,
             ),
             wanted=wanted,
             law=GuideLaw(

@@ -37,6 +37,7 @@ class WantedPoint:
     raised: float = 0.0  # Height of the cable there above that on the bare cylinder [m]
     # By how much cable beside it may hold it off the place to which its span leads it [m].
     doubt: float = 0.0
+    pull: float = math.nan  # At the guide [N]; nan where the program states none
 
 
 class WantedLay(Protocol):
@@ -122,6 +123,7 @@ class WantedProgram:
     program: LayProgram
     line: SmoothedLine
     diameter: float = 0.0  # Of the cable [m]
+    weight: float = math.nan  # Pull where a program with tensions states none [N]
 
     @classmethod
     def of(cls, program: LayProgram, what: ResolvedCondition, limits: PlanLimits) -> WantedProgram:
@@ -131,14 +133,28 @@ class WantedProgram:
             LayProgramError: Layers would reach the guide.
         """
         line = rounded_for(program, what, limits)
-        return cls(program=program, line=line, diameter=what.case.cable_diameter)
+        stated = bool(np.isfinite(program.tension).any())
+        return cls(
+            program=program,
+            line=line,
+            diameter=what.case.cable_diameter,
+            weight=what.case.weight if stated else math.nan,
+        )
 
     def at(self, theta: float) -> WantedPoint:
         """Return what is wanted at a wound angle [rad]."""
         z, slope, curvature = (float(self.line.at(theta, order)) for order in range(3))
         raised, soon = self.program.raised_at([theta, theta + _CLIMBS_WITHIN]).tolist()
         doubt = _HELD * self.diameter if soon > 0.0 else 0.0
-        return WantedPoint(z=z, slope=slope, curvature=curvature, raised=raised, doubt=doubt)
+        pull = float(self.program.tension_at(theta))
+        return WantedPoint(
+            z=z,
+            slope=slope,
+            curvature=curvature,
+            raised=raised,
+            doubt=doubt,
+            pull=self.weight if math.isnan(pull) else pull,
+        )
 
     def slopes(self, theta: Array) -> Array:
         """Return dz/dtheta wanted at wound angles [rad], shape of the angles [m/rad]."""

@@ -116,6 +116,8 @@ class ControllerConfig:
     height_tolerance: float = 1.0e-3
     following_error: float = 0.02  # How far the setpoint goes ahead of the carriage [m]
     solver_patience: float = 1.0
+    # Smallest and largest pull that is commanded where the program states one [N]; None for none.
+    pulls: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,6 +188,8 @@ class LayController:
         for place in new:
             theta, z, sigma = (float(place[name]) for name in ("theta", "z", "sigma_z"))
             wanted = self.wanted.at(theta)
+            if self.watch is not None:
+                self.watch.see_height(theta, z, float(place["lift"]))
             lies = (place["flags"] & (LayFlag.OVERLAP | LayFlag.CLIMB)) == 0
             if wanted.raised > 0.0:
                 lies = abs(place["lift"] - wanted.raised) < self.config.height_tolerance
@@ -238,7 +242,7 @@ class LayController:
             theta=theta,
             guide=guide.position,
             guide_speed=guide.speed,
-            pull=self._commanded_pull(theta) if driving or not self._driven else None,
+            pull=self._commanded_pull(theta, wanted) if driving or not self._driven else None,
             wanted_z=wanted.z,
             lay=lay,
             stretch=self.stretch.estimate,
@@ -283,8 +287,13 @@ class LayController:
         seen = self.lay.estimate().theta - self.lay.measured_to <= self.config.unseen_angle
         return ControlBasis.MEASURED if seen else ControlBasis.MODEL
 
-    def _commanded_pull(self, theta: float) -> float | None:
-        if self.landing is None or self._pull is None or not self.stretch.known:
+    def _commanded_pull(self, theta: float, wanted: WantedPoint) -> float | None:
+        if self.landing is None:
+            pulls = self.config.pulls
+            if pulls is None or math.isnan(wanted.pull):
+                return None
+            return min(max(wanted.pull, pulls[0]), pulls[1])
+        if self._pull is None or not self.stretch.known:
             return None
         self._pull = self.landing.pull(
             self.stretch.progress(theta), self.stretch.estimate, self._pull, free=theta <= UNWOUND

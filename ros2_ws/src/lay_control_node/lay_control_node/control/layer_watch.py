@@ -24,6 +24,9 @@ _OFF, _DEVIATIONS = 0.3, 4.0
 _TOUCHES = 2.0
 # Two turns of a layer lie farther apart than so many diameters.
 _SAME = 0.5
+# Cable that is seen so many diameters higher than planned has climbed; what is seen nearer than
+# this to the turn before may be that turn.
+_HIGH, _OTHER = 0.5, 0.1
 # For so many places in a row, a sixth of a turn: what is pushed aside while it climbs is shorter.
 _IN_A_ROW = 12
 # What lands now is seen a little later: measured is what was seen of it by half.
@@ -84,7 +87,7 @@ class LayerWatch:
         self._wound = wound
         count = math.ceil(wound.turns + 1.0) * _PER_TURN
         self._z, self._sigma = np.full(count, np.nan), np.full(count, np.inf)
-        self._measured = np.zeros(count, dtype=bool)
+        self._measured, self._high = np.zeros((2, count), dtype=bool)
         self._layers = np.zeros(count, dtype=np.intp)
         for layer in wound.layers:
             self._layers[self._place(layer.first_turn * FULL_TURN) :] = layer.number
@@ -131,6 +134,25 @@ class LayerWatch:
         if near or self._layers[at] == 1:
             self._z[at], self._sigma[at], self._measured[at] = z, sigma, True
             self._judge(at)
+
+    def see_height(self, theta: float, z: float, lift: float) -> None:
+        """Take how high cable was seen, whether it counts as measured or not.
+
+        Cable that lies in a layer above the planned one has climbed. It may do so at a flange, a
+        sixth of a turn before its layer is full.
+
+        Args:
+            theta: Wound angle [rad].
+            z: Where the cable was seen [m].
+            lift: Height above that on the bare cylinder [m].
+        """
+        at, diameter = self._place(theta), self._wound.cable_diameter
+        soon = self._layers[min(at + _IN_A_ROW, self._layers.size - 1)]
+        planned = self._wound.radii[soon - 1] - self._wound.radii[0]
+        beside = self._beside(at, z)
+        self._high[at] = lift > planned + _HIGH * diameter and abs(beside) > _OTHER * diameter
+        if at >= _IN_A_ROW and self._high[at - _IN_A_ROW + 1 : at + 1].all():
+            self._find(Fault.CLIMB, at, beside, measured=True)
 
     def held(self, theta: float, z: float, sigma: float) -> float:
         """Return in which sense of z, 1 or -1, the turn before may hold cable that was seen.

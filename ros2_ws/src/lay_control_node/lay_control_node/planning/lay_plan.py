@@ -17,6 +17,7 @@ from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
 from winding_core.lay.rounding import Corner
+from winding_core.units import known
 
 Array = NDArray[np.float64]
 
@@ -179,11 +180,11 @@ def plan_record(plan: LayPlan) -> dict[str, Any]:
         "markers": [
             {
                 "id": item.number,
-                "wanted_rad": _known(item.wanted),
-                "predicted_rad": _known(item.predicted),
+                "wanted_rad": known(item.wanted),
+                "predicted_rad": known(item.predicted),
                 "pull_n": item.pull,
-                "earliest_rad": _known(item.earliest),
-                "latest_rad": _known(item.latest),
+                "earliest_rad": known(item.earliest),
+                "latest_rad": known(item.latest),
             }
             for item in plan.landings
         ],
@@ -206,7 +207,3 @@ def plan_turns(plan: LayPlan) -> list[tuple[float, float, float, float]]:
         np.interp(theta, plan.theta, plan.uncompensated),
     )
     return list(zip(*(column.tolist() for column in columns), strict=True))
-
-
-def _known(value: float) -> float | None:
-    return value if math.isfinite(value) else None

@@ -78,4 +78,5 @@ class LayControlParameters(ControlParameters, LayWish, DrumParameters, MachineAx
             mode=ControlMode[self.control.upper()],
             solver_patience=self.solver_patience,
             wound=self.filling(what),
+            brake=self.brake,
         )

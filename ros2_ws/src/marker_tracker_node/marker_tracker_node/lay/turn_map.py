@@ -185,6 +185,23 @@ def expected_near(
 
 
 @compiled
+def unseen_for(places: Places, theta: float, most: float) -> float:  # pragma: no cover
+    """Return the way from a wound angle to the nearest that was seen, at most so much [rad].
+
+    Args:
+        places: What is known.
+        theta: Wound angle [rad].
+        most: How far is looked [rad].
+    """
+    middle = math.floor(theta / PLACE_ANGLE) + BEFORE
+    for k in range(math.ceil(most / PLACE_ANGLE)):
+        for place in (middle - k, middle + k):
+            if 0 <= place < places.z.size and places.sightings[place] > 0.0:
+                return min(abs(theta - _theta_of(place)), most)
+    return most
+
+
+@compiled
 def led_on(
     places: Places, theta: float, guide: float, machine: Machine
 ) -> float:  # pragma: no cover

@@ -23,7 +23,14 @@ from marker_tracker_node.lay.row_measurement import (
 )
 from marker_tracker_node.lay.rows import RowTables
 from marker_tracker_node.lay.segments import WHOLE
-from marker_tracker_node.lay.turn_map import Places, add_sighting, expected_near, led_on
+from marker_tracker_node.lay.turn_map import (
+    LED,
+    Places,
+    add_sighting,
+    expected_near,
+    led_on,
+    unseen_for,
+)
 from winding_core.compiling import called, compiled
 
 ByteArray = NDArray[np.uint8]
@@ -35,13 +42,15 @@ IndexArray = NDArray[np.int64]
 TURN = 2.0 * math.pi
 # How far the map is carried on along the cable [rad].
 REACH = 0.5
-# How far from where it is expected a turn is still the same, in cable diameters; where it just
-# landed and nothing but the free span tells.
-SAME, LANDING = 0.45, 0.8
-# An older turn lies still: one that is seen so far from where it is known is another one.
-SETTLED = 0.25
-# A turn that a newer one lies nearer to is not seen whole, in cable diameters.
-COVERED = 0.75
+# An older turn lies still: one that is seen so far from where it is known is another one. All in
+# cable diameters; one that a newer turn lies nearer to than COVERED is not seen whole.
+SETTLED, COVERED = 0.25, 0.75
+# Deviation of where older turns are seen, and of the newest one where it was seen just before; it
+# grows by so much for each radian since. So far from there it may lie where it slid.
+STILL, NEAR, NEAR_GROWTH, FARTHEST = 0.03, 0.08, 0.3, 0.8
+# Share of places that lie anywhere within these limits, and of rows that do not show the newest
+# turn, and of hidden turns that pass for whole; density of what is no known turn [1/diameter].
+TAILS, MISSED, MISTAKEN, UNKNOWN = 0.05, 0.05, 0.2, 0.05
 # Cable that may be clamped behind P0 [rad].
 TAIL = 0.6
 
@@ -125,25 +134,23 @@ def number_turns(
     azimuth = median(azimuths, numbers.size)
     front = moment.angle - azimuth
     turns = max(math.floor((front + TAIL) / TURN) + 1, 0)
-    expected, limits = np.empty(turns), np.empty(turns)
+    expected = np.empty(turns)
     for m in range(turns):
         expected[m] = expected_near(places, front - TURN * m, REACH, moment.slope)
-        limits[m] = (SAME if m == 0 else SETTLED) * machine.diameter
-        if m == 0:
-            ahead = led_on(places, front, moment.guide, machine)
-            if math.isfinite(ahead):
-                expected[m] = ahead
-            elif math.isnan(expected[m]) and math.isfinite(moment.landing):
-                expected[m] = moment.landing - moment.slope * azimuth
-                limits[m] = LANDING * machine.diameter
     if turns:
-        _number_newest(found, machine, expected, limits, numbers)
+        ahead = led_on(places, front, moment.guide, machine)
+        if math.isfinite(ahead):
+            expected[0] = ahead
+        elif math.isnan(expected[0]) and math.isfinite(moment.landing):
+            expected[0] = moment.landing - moment.slope * azimuth
+        _number_newest(found, machine, expected, unseen_for(places, front, LED), numbers)
     # What others lie on is seen in part.
+    limit = SETTLED * machine.diameter
     for m in range(1, turns):
         covered = _is_covered(m, 0, expected, COVERED * machine.diameter)
         tried, tried_miss = -1, -1.0
         while True:
-            index, miss = -1, limits[m]
+            index, miss = -1, limit
             for k in range(numbers.size):
                 off = abs(found[k, Z] - expected[m])
                 new = off > tried_miss or (off == tried_miss and k > tried)
@@ -154,7 +161,7 @@ def number_turns(
             if found[index, KIND] == WHOLE:
                 fits = not covered
             else:
-                fits = not _older_is_nearer(found[index, Z], miss, m, expected, limits)
+                fits = not _older_is_nearer(found[index, Z], miss, m, expected)
             if numbers[index] < 0 and fits:
                 numbers[index] = m
                 break
@@ -164,14 +171,13 @@ def number_turns(
 
 @called
 def _older_is_nearer(
-    z: float, miss: float, m: int, expected: FloatArray, limits: FloatArray
+    z: float, miss: float, m: int, expected: FloatArray
 ) -> bool:  # pragma: no cover
     """Return whether an older turn than m is expected nearer to z [m] than `miss` [m]."""
+    nearer = False
     for k in range(m + 1, expected.size):
-        off = abs(z - expected[k])
-        if off < limits[k] and off < miss:
-            return True
-    return False
+        nearer = nearer or abs(z - expected[k]) < miss
+    return nearer
 
 
 @called
@@ -179,34 +185,72 @@ def _number_newest(
     found: FloatArray,
     machine: Machine,
     expected: FloatArray,
-    limits: FloatArray,
+    carried: float,
     numbers: IndexArray,
 ) -> None:  # pragma: no cover
     """Number the newest turn, on which nothing lies: it is seen whole.
 
-    What no older turn explains, which lie still, is the newest one even where that was pushed
-    aside. Otherwise it lies on one of them.
+    The likeliest explanation of all whole turns decides, the newest being each of them in turn, or
+    not seen. The newest hides older ones that lie near it, and so does each of these.
+
+    Args:
+        found: Turns of a row, see `measure_row`; shape (n, 7).
+        machine: Cylinder and cable.
+        expected: z of each turn from the newest on [m], nan where it is unknown.
+        carried: Way for which the newest turn has not been seen [rad].
+        numbers: To be written, shape (n,).
     """
-    free, free_miss = -1, LANDING * machine.diameter
-    over, over_miss = -1, limits[0]
+    near = math.hypot(NEAR, NEAR_GROWTH * carried)
+    best, likeliest = -1, math.log(MISSED) + _log_of_others(found, -1, expected, machine)
     for k in range(numbers.size):
-        off = abs(found[k, Z] - expected[0])
-        if found[k, KIND] != WHOLE or not off < LANDING * machine.diameter:
+        off = abs(found[k, Z] - expected[0]) / machine.diameter
+        if found[k, KIND] == WHOLE and off < FARTHEST:
+            value = math.log((1.0 - MISSED) * _density(off, near, FARTHEST))
+            value += _log_of_others(found, k, expected, machine)
+            if value > likeliest:
+                best, likeliest = k, value
+    if best >= 0:
+        numbers[best] = 0
+        expected[0] = found[best, Z]
+
+
+@called
+def _density(off: float, sigma: float, farthest: float) -> float:  # pragma: no cover
+    """Return the density of a normal error with even tails, all in diameters."""
+    bell = math.exp(-0.5 * (off / sigma) ** 2) / (math.sqrt(TURN) * sigma)
+    return (1.0 - TAILS) * bell + (0.5 * TAILS / farthest if off < farthest else 0.0)
+
+
+@called
+def _log_of_others(
+    found: FloatArray, newest: int, expected: FloatArray, machine: Machine
+) -> float:  # pragma: no cover
+    """Return the log likelihood of the whole turns beside the newest one that could be it.
+
+    Args:
+        found: Turns of a row, see `measure_row`; shape (n, 7).
+        newest: Which of them is the newest turn, -1 for none.
+        expected: z of each turn from the newest on [m], nan where it is unknown.
+        machine: Cylinder and cable.
+    """
+    total = 0.0
+    for k in range(found.shape[0]):
+        z = found[k, Z]
+        if k == newest or found[k, KIND] != WHOLE:
             continue
-        explained = False
+        if not abs(z - expected[0]) < (FARTHEST + COVERED) * machine.diameter:
+            continue
+        density = UNKNOWN
         for m in range(1, expected.size):
-            explained = explained or (
-                abs(found[k, Z] - expected[m]) < limits[m]
-                and not _is_covered(m, 1, expected, COVERED * machine.diameter)
-            )
-        if not explained and off < free_miss:
-            free, free_miss = k, off
-        if off < over_miss:
-            over, over_miss = k, off
-    if free >= 0:
-        numbers[free] = 0
-    elif over >= 0:
-        numbers[over] = 0
+            off = abs(z - expected[m]) / machine.diameter
+            if off < SETTLED:
+                hidden = _is_covered(m, 1, expected, COVERED * machine.diameter) or (
+                    newest >= 0 and abs(found[newest, Z] - expected[m]) < COVERED * machine.diameter
+                )
+                share = MISTAKEN if hidden else 1.0
+                density = max(density, share * _density(off, STILL, SETTLED))
+        total += math.log(density)
+    return total
 
 
 @called

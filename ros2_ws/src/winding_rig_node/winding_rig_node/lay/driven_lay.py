@@ -140,10 +140,6 @@ class DrivenLay:
         """Return the axial position [m] at wound angles [rad], same shape; nan beyond the lay."""
         return self.path.along(theta, self._end)[0]
 
-    def length_at(self, theta: ArrayLike) -> FloatArray:
-        """Return the undeformed length since P0 [m] at wound angles [rad]; nan beyond the lay."""
-        return self.path.along(theta, self._end)[1]
-
     def view(self) -> LayView:
         """Return the lay as it is, by what has changed since the last view."""
         contact, growth = self.contact, self.path.growth()

@@ -5,11 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from builtin_interfaces.msg import Duration
 from geometry_msgs.msg import WrenchStamped
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory as TrajectoryMessage
-from trajectory_msgs.msg import JointTrajectoryPoint
 
 from winding_core.machine.commands import (
     AXES,
@@ -22,7 +20,7 @@ from winding_core.machine.commands import (
     Waypoint,
 )
 from winding_core.machine.readings import CABLE_TENSION
-from winding_ros.messages.rig import BASE_FRAME, CARRIAGE_JOINT, CYLINDER_JOINT, decode_tension
+from winding_ros.messages.rig import CARRIAGE_JOINT, CYLINDER_JOINT, decode_tension
 from winding_ros.messages.serialised import MessageError
 from winding_ros.messages.stamps import decode_stamp, encode_stamp
 
@@ -68,20 +66,6 @@ def decode_targets(message: JointState) -> tuple[float, JointTargets]:
         raise MessageError("joint targets need a position or a velocity, got none")
     t = decode_stamp(message.header.stamp)
     return t, JointTargets(t=t, axes=targets)
-
-
-def encode_trajectory(command: JointTrajectory) -> TrajectoryMessage:
-    """Return a trajectory as a message; its axes share their times."""
-    message = TrajectoryMessage(joint_names=[_JOINTS[axis] for axis in command.axes])
-    message.header.stamp = encode_stamp(command.t)
-    message.header.frame_id = BASE_FRAME
-    for points in zip(*command.axes.values(), strict=True):
-        nanoseconds = round(points[0].t * 1e9)
-        point = JointTrajectoryPoint(positions=[item.position for item in points])
-        point.velocities = [item.speed for item in points if item.speed is not None]
-        point.time_from_start = Duration(sec=nanoseconds // 10**9, nanosec=nanoseconds % 10**9)
-        message.points.append(point)
-    return message
 
 
 def decode_trajectory(message: TrajectoryMessage) -> tuple[float, JointTrajectory]:
