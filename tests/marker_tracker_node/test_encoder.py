@@ -12,7 +12,7 @@ import pytest
 from marker_film import COUNT, DRIVE, TURN, axes, encoder
 
 from marker_tracker_node import TrackerConfig
-from marker_tracker_node.tracking.checks.camera_clock import (
+from marker_tracker_node.tracking.camera_clock import (
     CameraClock,
     ClockOffset,
     ClockSettings,

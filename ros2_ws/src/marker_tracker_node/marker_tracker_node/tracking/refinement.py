@@ -42,7 +42,7 @@ _POSE = np.arange(TILT, FOCAL)
 
 @dataclass(frozen=True, kw_only=True)
 class Sightings:
-    """Every measured band of a run.
+    """Measured bands of a run.
 
     Attributes:
         rows: See `Seen.rows`, whose times are of no account, shape (k, 11).

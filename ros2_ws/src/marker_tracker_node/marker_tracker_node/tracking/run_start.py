@@ -9,12 +9,7 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
-from marker_tracker_node.tracking.checks.camera_zero import LOOK_STEP, CameraZero
-from marker_tracker_node.tracking.checks.misplaced_camera import (
-    MisplacedCamera,
-    beside_its_place,
-)
-from marker_tracker_node.tracking.checks.picture_doubts import PictureDoubts, colourless
+from marker_tracker_node.tracking.camera_zero import CameraZero
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.frame.acquisition import P0_REACH, PROOF_ADVANCE
 from marker_tracker_node.tracking.p0_search import (
@@ -23,8 +18,18 @@ from marker_tracker_node.tracking.p0_search import (
     MovingBand,
     sample_colour,
 )
+from marker_tracker_node.tracking.sighting_log import SightingLog
+from marker_tracker_node.tracking.start_doubts import (
+    MisplacedCamera,
+    PictureDoubts,
+    beside_its_place,
+    colourless,
+)
 from marker_tracker_node.tracking.state import Burst, Setup
 from winding_core.units import MILLIMETRE
+
+# P0 is sought in frames so far apart [rad].
+LOOK_STEP = 0.1 * PROOF_ADVANCE
 
 
 class RunStart:
@@ -82,13 +87,14 @@ class RunStart:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
         return void
 
-    def saw(self, t: float, out: Burst) -> bool:
-        """Take what a frame of time t [s] yielded; return whether what was known before is void."""
-        turned = abs(float(out.angle[0]) + self.origin - self._begun)
+    def saw(self, out: Burst, log: SightingLog) -> bool:
+        """Take what a frame yielded, and the log; return whether what was known before is void."""
+        angle = float(out.angle[0])
+        turned = abs(angle + self.origin - self._begun)
         seen = math.isfinite(float(out.rows[0, 0]["azimuth"]))
         # What is still measured as P0 then moves with the cylinder.
         self._followed |= seen and turned > 2.0 * PROOF_ADVANCE
-        void = not self.posed and self.zero.saw(t, out)
+        void = not self.posed and self.zero.saw(log, angle)
         posed = self.posed or self.zero.done
         self.done = self.proven and posed and self._misplaced.done
         return void
@@ -140,7 +146,8 @@ class RunStart:
             self.refusal = sentence
 
     def _look(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
-        found = self._search.add(frame, setup, angle)
+        self._search.add(frame, setup, angle)
+        found = self._search.first
         if found is not None:
             self._followed = self.proven = True
             return self._found(found, frame, setup, angle, guide)

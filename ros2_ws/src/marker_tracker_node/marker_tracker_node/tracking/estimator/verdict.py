@@ -18,7 +18,7 @@ from marker_tracker_node.tracking.estimator.problem import Problem
 # Releasing a prior must explain so much: in 101 consistent films it explained 9.3 at most.
 _LEAST_GAIN = 10.0
 # And the number must be off by so many deviations, its doubt among them.
-_SIGNIFICANT = 2.5
+SIGNIFICANT = 2.5
 # Sightings that are neighbours err together: differences of cost are 2 to 3 times too large.
 DEPENDENT = 2.5
 # What costs no more than this beyond the best explanation is one, too.
@@ -48,7 +48,7 @@ class Explanation(NamedTuple):
     def left(self) -> bool:
         """Whether the error exceeds what is doubted of the number."""
         doubt = math.hypot(NUMBERS[self.number].doubt, self.sigma)
-        return abs(self.error) > _SIGNIFICANT * doubt
+        return abs(self.error) > SIGNIFICANT * doubt
 
     @property
     def inside(self) -> bool:

@@ -16,22 +16,23 @@ from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE, fitted
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS, ROLL, TILT, ZERO
-from marker_tracker_node.tracking.estimator.problem import Problem, Seen
+from marker_tracker_node.tracking.estimator.problem import ANGLE, MARKER, TIME, Problem, Seen
+from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
 from marker_tracker_node.tracking.frame.acquisition import P0_REACH
 from marker_tracker_node.tracking.machine_motion import STILL
 from marker_tracker_node.tracking.p0_search import NEAR_START, locate_marker
-from marker_tracker_node.tracking.state import Burst, Setup
+from marker_tracker_node.tracking.sighting_log import SightingLog
+from marker_tracker_node.tracking.state import Setup
 
 # Frames at rest: their scatter is a quarter of one frame's then.
 REST_FRAMES = 16
-# A mount that was set with level and ruler stands within 5 mm at 0.4 m. More is no tilt that a
-# calibration leaves, but a camera that was moved or an encoder that is not zeroed.
-MOST_TURN = 0.0125
+# More than a level along an edge leaves is no tilt of a mount that was set with one, but a camera
+# that was moved or an encoder that is not zeroed [rad].
+MOST_TURN = SIGNIFICANT * NUMBERS[ROLL].doubt
 # Poses that differ by less in a picture are the same [px], and what was measured with either stays.
 SAME_PICTURE = 0.5
-# A pass is seen in frames so far apart [rad], at an even speed; so many are looked at.
-LOOK_STEP, PASS_EVENNESS = 0.01, 0.1
-MOST_PASSES = 3
+# A pass is seen at an even speed; so many are looked at.
+PASS_EVENNESS, MOST_PASSES = 0.1, 3
 # It counts if it shows the turn so well, and replaces frames at rest that it contradicts [rad].
 PASS_SIGMA, CONTRADICTION = 1.0e-3, 1.5e-3
 _TILTS = range(TILT, ROLL)
@@ -54,8 +55,7 @@ class CameraZero:
         self._config = config
         self._camera = camera
         self._rest: list[list[float]] = []
-        self._passed: list[list[float]] = []
-        self._stand = self._looked = math.nan
+        self._stand, self._judged = math.nan, -math.inf
         self._moved = False
         self._passes = 0
         self._pass_known = False
@@ -85,25 +85,27 @@ class CameraZero:
         azimuth, z = solve_band(view, body, *plane_of_pixel(view, *pixel), band)
         if not math.isfinite(azimuth):
             return False
-        self._rest.append([place, azimuth, z, band.slope, band.low, band.high])
+        # The cylinder's angle serves as time.
+        self._rest.append([0, 0, place, place, azimuth, z, *band[2:]])
+        motion = np.array([[place, place], [place + 1.0, place + 1.0]])
         # Its place is known: two numbers of P0 determine both turns.
-        return self._turn(self._explained(np.array(self._rest), self._config.pose, _TILTS)[0])
+        turn, _ = self._explained(np.array(self._rest), motion, self._config.pose, _TILTS)
+        return self._turn(turn)
 
-    def saw(self, t: float, out: Burst) -> bool:
-        """Take what a frame of time t [s] yielded; return whether the pose has changed."""
-        angle = float(out.angle[0])
-        if self._rests(angle) or math.isnan(angle):
+    def saw(self, log: SightingLog, angle: float) -> bool:
+        """Look for a pass of P0 in the log that has ended at an angle [rad], nan where missing.
+
+        Return whether the pose has changed.
+        """
+        if math.isnan(angle) or self._rests(angle):
             return False
-        p0 = out.rows[0, 0]
-        seen = math.isfinite(p0["azimuth"])
-        if seen and not abs(angle - self._looked) < LOOK_STEP:
-            self._looked = angle
-            names = ("azimuth", "seen_height", "slope", "low", "high")
-            self._passed.append([t, angle, *(float(p0[name]) for name in names)])
+        rows = log.sightings[log.sightings[:, MARKER] == 0]
+        rows = rows[rows[:, TIME] > self._judged]
         # Then it has passed.
-        if not self._passed or abs(angle - self._passed[-1][1]) < P0_REACH:
+        if not len(rows) or abs(angle - rows[-1, ANGLE]) < P0_REACH:
             return False
-        return self._judge(np.array(self._passed))
+        self._judged = rows[-1, TIME]
+        return self._judge(rows, log.motion)
 
     def _rests(self, angle: float) -> bool:
         """Return whether the cylinder stands where it stood, at zero or in two frames."""
@@ -113,22 +115,21 @@ class CameraZero:
         self._moved |= abs(angle - self._stand) >= STILL
         return not self._moved
 
-    def _judge(self, rows: FloatArray) -> bool:
+    def _judge(self, rows: FloatArray, motion: FloatArray) -> bool:
         """Turn the camera by a pass that has ended, if it constrains the turn; return whether.
 
         A turn shifts the picture as a whole, a wrong zero of the encoder shifts it less the further
         P0 has come round: a pass tells them apart as far as it reaches to the side.
         """
-        self._passed.clear()
         self._passes += 1
         self.done = self._passes >= MOST_PASSES
         if len(rows) < LEAST_ROWS:
             return False
-        speed = np.gradient(rows[:, 1], rows[:, 0])
+        speed = np.gradient(rows[:, ANGLE], rows[:, TIME])
         if np.ptp(speed) > PASS_EVENNESS * abs(speed).mean():
             # A camera whose clock is off sees P0 elsewhere at every speed.
             return False
-        turn, sigma = self._explained(rows[:, 1:], self.pose, (*_TILTS, ZERO))
+        turn, sigma = self._explained(rows, motion, self.pose, (*_TILTS, ZERO))
         known = sigma <= PASS_SIGMA
         self.done |= bool(known.all())
         self._pass_known |= bool(known.all())
@@ -138,20 +139,17 @@ class CameraZero:
         return bool(new.any()) and self._turn(np.where(known, turn, before))
 
     def _explained(
-        self, rows: FloatArray, used: CameraPose, doubted: Iterable[int]
+        self, rows: FloatArray, motion: FloatArray, used: CameraPose, doubted: Iterable[int]
     ) -> tuple[FloatArray, FloatArray]:
         """Return the turn of the nominal pose that explains P0 [rad], and its deviation, (2,) each.
 
-        Rows are the angle of the cylinder [rad], and azimuth, z, slope, low and high of P0's band
-        (see `Band`) as measured with a pose, shape (k, 6); the doubted numbers are not taken as
-        configured.
+        Rows and motion are those of `Seen`, measured with a pose; the doubted numbers are not taken
+        as configured.
         """
-        count, angle = len(rows), rows[:, :1]
         problem = Problem(
             Seen(
-                # The cylinder's angle serves as time.
-                rows=np.hstack([np.zeros((count, 2)), angle, rows, np.full((count, 2), math.inf)]),
-                motion=np.repeat([angle.min(axis=0), angle.max(axis=0) + 1.0], 2, axis=1),
+                rows=rows,
+                motion=motion,
                 area=math.nan,
                 zeroed=False,
                 camera=self._camera,

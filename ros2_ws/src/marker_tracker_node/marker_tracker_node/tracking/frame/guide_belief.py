@@ -1,4 +1,4 @@
-"""Whether guide and markers fit the lay that is expected.
+"""Whether the guide's readings are believed, or the cable is expected by the commanded feed.
 
 A guide may dwell and go back, so its readings are believed until the markers lie elsewhere. What no
 guide can do is not believed at all.
@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
 from marker_tracker_node.tracking.frame.laid_path import (
-    FARTHEST,
     LAY_SIGMA,
     LEAST_GAP,
     beside_path,
     known_around,
-    lay_share,
     mean_gap,
 )
 from marker_tracker_node.tracking.state import (
@@ -30,10 +26,8 @@ from marker_tracker_node.tracking.state import (
     Marks,
     Run,
     Setup,
-    TrackerState,
 )
 from winding_core.compiling import called
-from winding_core.units import MILLIMETRE
 
 # A guide that moves so many times as far as the feed, or as one turn beside the other, while a
 # marker proves itself does not exist: its readings are millimetres.
@@ -91,62 +85,3 @@ def _believe(guide: Guide, belief: int, angle: float) -> None:  # pragma: no cov
 def overdue(setup: Setup, marks: Marks, last: int) -> float:  # pragma: no cover
     """Return the wound angle [rad] where a marker would be the one after that behind the last."""
     return float(marks.theta[last] + (1.0 + LEAST_GAP) * mean_gap(setup, marks, last))
-
-
-def guide_doubt(setup: Setup, state: TrackerState) -> str:
-    """Return what is wrong with the guide's readings in the last frame, empty if nothing."""
-    guide = state.run.guide
-    if guide.belief == BY_READINGS:
-        if not math.isfinite(guide.zero):
-            return ""
-        if (beside := _farthest_beside(setup, state)) > FARTHEST * LAY_SIGMA:
-            return (
-                f"a marker lies {beside / MILLIMETRE:.0f} mm beside where the guide has led the "
-                "cable: are markers confused?"
-            )
-        return ""
-    expected = setup.advance_per_radian * guide.turned
-    scale = guide.travel / expected if expected else math.inf
-    if abs(scale) > MOST_SCALE:
-        why = "are they millimetres instead of metres?"
-        if scale < 0.0:
-            why = "are they millimetres instead of metres, and is their sign reversed?"
-    else:
-        why = "is their sign reversed?" if scale < 0.0 else "is their scale right?"
-    how = "no marker was found where they lead" if guide.belief == TRIED else "the cable lies so"
-    if guide.belief == IMPOSSIBLE:
-        how = "no guide moves so far"
-    return (
-        f"the guide's readings move {scale:.3g} times as far as the commanded feed, {why} "
-        f"The commanded feed is used instead: {how}"
-    )
-
-
-def _farthest_beside(setup: Setup, state: TrackerState) -> float:
-    """Return how far a marker lies beside the path of the guide's readings, as it is fitted [m]."""
-    marks, run = state.marks, state.run
-    off = [
-        beside_path(setup, run.guide, marks, state.paths, run.path_filled, 0, int(n))
-        - run.guide.offset * lay_share(setup, marks.theta[n])
-        for n in np.flatnonzero(marks.known)
-        if marks.known[0]
-    ]
-    return float(np.abs(off).max(initial=0.0))
-
-
-def missing_markers(setup: Setup, state: TrackerState, *, p0_late: bool) -> tuple[int, ...]:
-    """Return the numbers of the markers that should have been found long ago.
-
-    P0 is if it is late and not known.
-    """
-    marks, run = state.marks, state.run
-    known = np.flatnonzero(marks.known)
-    if not known.size or known[0] != 0:
-        return (0,) if p0_late else ()
-    last = int(known[-1])
-    # Then the next one is due as well, and this one has come past the camera once more.
-    due = overdue(setup, marks, last) + math.tau
-    late = [n for n in range(last) if not marks.known[n]]
-    if last + 1 < marks.known.size and run.cylinder.angle > due:
-        late.append(last + 1)
-    return tuple(late)
