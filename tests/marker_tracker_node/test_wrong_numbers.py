@@ -32,8 +32,7 @@ def other_hue(frame: np.ndarray, t: float) -> np.ndarray:
     return np.asarray(cv2.cvtColor(hsv, cv2.COLOR_HSV2BGR))
 
 
-# What the estimator names, and takes out of the markers' places.
-PLACES = {
+LIES = {
     "encoder 2.4 % short": Wrong(number="encoder_scale", share=-0.024, reading=0.976),
     "encoder 0.6 % long": Wrong(number="encoder_scale", share=0.006, reading=1.006),
     "frames timed 8 % long": Wrong(number="frame_times", share=0.08, times=1.08),
@@ -48,14 +47,21 @@ PLACES = {
     "cable 14 % thick": Wrong(number="cable_diameter", share=0.14, config={"cable_radius": 1.14}),
     "focal length 4 % short": Wrong(number="focal_length", share=-0.04, focal=0.96),
     "focal length 6 % long": Wrong(number="focal_length", share=0.06, focal=1.06),
-    "camera turned about its axis": Wrong(number="camera_roll", tilt=(0.0, 0.0, 0.02)),
-    "camera too far": Wrong(number="camera_distance", away=8.0e-3),
-}
-OTHERS = {
     "spacing doubled": Wrong(number="marker_spacing", config={"marker_spacing": 2.0}),
     "spacing halved": Wrong(number="marker_spacing", share=-0.5, config={"marker_spacing": 0.5}),
     "fading light": Wrong(number="light", picture=darker),
     "drifting hue": Wrong(number="marker_colour", picture=other_hue),
+}
+# A turn up or down is taken out by P0 at rest, before anything is measured.
+TURNED_UP = "camera turned up"
+CORRECTED = {
+    "camera turned about its axis": Wrong(tilt=(0.0, 0.0, 0.02)),
+    TURNED_UP: Wrong(tilt=(0.012, 0.0, 0.0)),
+    "camera too far": Wrong(away=8.0e-3),
+    "focal length 3 % short": Wrong(focal=0.97),
+    "cylinder 3 % thick": Wrong(config={"cylinder_radius": 1.03}),
+    "encoder 1 % short": Wrong(reading=0.99),
+    "encoder 1.5 % long": Wrong(reading=1.015),
 }
 RIGHT = Wrong(number="")
 
@@ -85,33 +91,25 @@ def right(filmed: tuple[Film, Frames]) -> tuple[Tracker, list[Markers]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PLACES)
-def test_a_wrong_number_is_named_and_leaves_the_markers_where_they_are(
+@pytest.mark.parametrize("name", CORRECTED)
+def test_a_wrong_number_leaves_the_markers_where_they_are(
     filmed: tuple[Film, Frames], right: tuple[Tracker, list[Markers]], name: str
 ) -> None:
-    tracker, published = PLACES[name].followed(*filmed, explain=True)
-    truth, found, report = right[0].estimates(), tracker.estimates(), tracker.report()
-    require_named(report.contradictions, PLACES[name], 0.012)
+    tracker, published = CORRECTED[name].followed(*filmed, explain=True)
+    truth, found = right[0].estimates(), tracker.estimates()
     assert not (found["flags"] & int(MarkerFlag.NOT_WOUND)).any()
     assert off(found, truth).max() < 1.5
-    assert any(text.startswith("positions are corrected") for text in report.remarks)
+    corrected = any(text.startswith("positions are corrected") for text in tracker.report().remarks)
+    assert corrected == (name != TURNED_UP)
     # One frame has more of what the mask has wrong than a run: up to 3 deviations.
     assert np.nanmax(off(published[-1], truth)) < 3.0
 
 
 @pytest.mark.slow
-def test_a_turn_up_is_taken_out_by_p0_at_rest(
-    filmed: tuple[Film, Frames], right: tuple[Tracker, list[Markers]]
-) -> None:
-    tracker, _ = Wrong(tilt=(0.012, 0.0, 0.0)).followed(*filmed, explain=True)
-    assert off(tracker.estimates(), right[0].estimates()).max() < 1.5
-    assert tracker.report().remarks == tracker.report().contradictions == ()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", OTHERS)
-def test_what_is_not_in_the_model_is_named(filmed: tuple[Film, Frames], name: str) -> None:
-    require_named(found_wrong(*filmed, OTHERS[name]), OTHERS[name], 0.012)
+@pytest.mark.parametrize("name", LIES)
+def test_the_wrong_number_is_named(filmed: tuple[Film, Frames], name: str) -> None:
+    # Seen only until the bands are lost, a share is known to the usual error of their motion.
+    require_named(found_wrong(*filmed, LIES[name]), LIES[name], 0.012)
 
 
 @pytest.mark.slow
@@ -138,12 +136,11 @@ def test_a_run_of_one_turn_names_the_right_number(paper_film: FilmMaker, wrong: 
 def test_nine_of_ten_are_named_whatever_is_wound(paper_film: FilmMaker, case: int) -> None:
     film = paper_film(case)
     frames = [(t, frame) for t, frame, *_ in film.frames(FPS)]
-    every = {name: one for name, one in {**PLACES, **OTHERS}.items() if name[:6] != "camera"}
     named = {
         name: {number for item in found_wrong(film, frames, one) for number in item.names}
-        for name, one in every.items()
+        for name, one in LIES.items()
     }
-    right = [one.number in named[name] for name, one in every.items()]
+    right = [one.number in named[name] for name, one in LIES.items()]
     assert sum(right) >= 0.9 * len(right), named
 
 

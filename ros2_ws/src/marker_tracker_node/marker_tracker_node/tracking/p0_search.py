@@ -21,12 +21,9 @@ from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS, PLACE
 from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
-from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE, PROOF_HITS
-from marker_tracker_node.tracking.frame.gate_prediction import (
-    axis_scale,
-    predict_gate,
-)
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, SAME_HEIGHT
+from marker_tracker_node.tracking.frame.acquisition import P0_REACH, PROOF_HITS
+from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
+from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE, SAME_HEIGHT
 from marker_tracker_node.tracking.state import Setup
 from winding_core.helix import FleetAngleLaw
 
@@ -34,7 +31,6 @@ from winding_core.helix import FleetAngleLaw
 # that was set with a tape measure stands off.
 SEARCH_REACH = SIGNIFICANT * NUMBERS[PLACE + 1].doubt
 SATURATIONS = np.arange(0.45, 0.95, 0.05)
-NEAR_START = BAND_REACH
 # A band is whole enough to be recognised by its colour.
 WHOLE_ENOUGH = 0.5
 # Share by which the pixels of its hue may be fewer or more than its band should fill.
@@ -81,9 +77,9 @@ def sample_colour(
     Raises:
         ColourRefusedError: P0 is not there, or its pixels define no colour.
     """
-    if abs(angle) > NEAR_START:
+    if abs(angle) > P0_REACH:
         raise ColourRefusedError(
-            f"P0 can be sampled within {NEAR_START} rad of the start only, the cylinder is at "
+            f"P0 can be sampled within {P0_REACH} rad of the start only, the cylinder is at "
             f"{angle:.2f} rad"
         )
     place = _Place.predicted(setup, angle)

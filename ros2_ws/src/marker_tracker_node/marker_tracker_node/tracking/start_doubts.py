@@ -14,8 +14,7 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.detection.colour import ColourModel, hsv, hue_difference
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LAY_SIGMA
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LAY_SIGMA, PROOF_ADVANCE
 from marker_tracker_node.tracking.p0_search import (
     SATURATIONS,
     SEARCH_REACH,

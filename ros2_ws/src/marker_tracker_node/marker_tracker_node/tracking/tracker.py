@@ -11,17 +11,27 @@ from marker_tracker_node.arrays import ByteArray, FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.doubts import RunChecks, guide_doubt, missing_markers
-from marker_tracker_node.tracking.estimator import configured
 from marker_tracker_node.tracking.estimator.correction import Correction
-from marker_tracker_node.tracking.estimator.numbers import COUNT, TILT
+from marker_tracker_node.tracking.estimator.numbers import (
+    COUNT,
+    TILT,
+    body_without,
+    camera_without,
+    pose_without,
+)
 from marker_tracker_node.tracking.estimator.problem import ANGLE, TIME, Seen
 from marker_tracker_node.tracking.frame.frame_update import update_burst
 from marker_tracker_node.tracking.frame.run_means import mean_variances
 from marker_tracker_node.tracking.machine_motion import MotionBefore
 from marker_tracker_node.tracking.recalibration import Recalibration, measure_again, turned
 from marker_tracker_node.tracking.refinement import Sightings
-from marker_tracker_node.tracking.report import FrameFault, TrackerReport
+from marker_tracker_node.tracking.report import (
+    FrameFault,
+    RunChecks,
+    TrackerReport,
+    guide_doubt,
+    missing_markers,
+)
 from marker_tracker_node.tracking.run_start import RunStart
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import Burst, Setup, TrackerState, fixed_numbers
@@ -86,7 +96,7 @@ class Tracker:
         self.seen = np.full(len(self._ids), np.nan)
 
     def _begin(self) -> None:
-        """Know nothing of what was measured: a run begins, or another pose or zero was found."""
+        """Know nothing of what was measured."""
         self.state = TrackerState.fresh(self.config.marker_count)
         self._log, self._checks = SightingLog(), RunChecks()
         self._numbers = Recalibration(len(self._ids))
@@ -102,7 +112,7 @@ class Tracker:
     def pose(self) -> CameraPose:
         """The camera's pose: turned until P0 stands where it must, or as it is corrected."""
         if self._numbers.made:
-            return configured.pose_without(self.config.pose, self._numbers.errors)
+            return pose_without(self.config.pose, self._numbers.errors)
         return self.begun
 
     @property
@@ -113,7 +123,7 @@ class Tracker:
     @property
     def lens(self) -> PinholeCamera:
         """The camera with its focal length as it is corrected."""
-        return configured.camera_without(self.camera, self._numbers.errors)
+        return camera_without(self.camera, self._numbers.errors)
 
     @property
     def zeroed(self) -> bool:
@@ -172,7 +182,7 @@ class Tracker:
         self.seen = self._numbers.as_begun(out.rows[0], self._setup)[:, 0]
         if not self._start.done:
             self._motion.add(t, angle, guide)
-            if self._start.saw(out, self._log):
+            if self._start.saw(t, out):
                 self._turn_camera()
         records: Markers = self._records(out)[0]
         return records
@@ -315,9 +325,9 @@ class Tracker:
 
     def _without(self, errors: FloatArray) -> Setup:
         """Return machine and camera without errors of their numbers, shape (numbers,)."""
-        camera, config = configured.camera_without(self.camera, errors), self.config
-        setup = config.setup(camera.view(configured.pose_without(config.pose, errors)))
-        return setup._replace(body=configured.body_without(config.body, errors))
+        camera, config = camera_without(self.camera, errors), self.config
+        setup = config.setup(camera.view(pose_without(config.pose, errors)))
+        return setup._replace(body=body_without(config.body, errors))
 
     def _recalibrate(self, found: Correction, setup: Setup) -> None:
         """Measure with other numbers from now on, and take what was measured as they have it."""

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
-from marker_tracker_node.tracking.estimator.carried import data_information
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE, Fit, fitted
 from marker_tracker_node.tracking.estimator.numbers import BAND, CLOCK, COUNT, NUMBERS, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem
@@ -126,7 +125,7 @@ def _within_doubt(
     None where many numbers are a little wrong, or all are right. About a fit the cost of the
     sightings is a parabola of the numbers; the prior pulls as much as the sightings there.
     """
-    data, _, _ = data_information(fit, np.arange(COUNT))
+    data, _, _ = fit.information(np.arange(COUNT))
     x, pull = fit.x[:COUNT], (fit.prior * fit.x)[:COUNT]
     strength, axes = np.linalg.eigh(data)
     held = strength > LEAST_INFORMATION * strength[-1]

@@ -39,8 +39,12 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     shutter_of,
     turned_since,
 )
-from marker_tracker_node.tracking.frame.guide_belief import judge_guide
-from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT, fit_offset, laid_cable
+from marker_tracker_node.tracking.frame.laid_path import (
+    SAME_HEIGHT,
+    fit_offset,
+    judge_guide,
+    laid_cable,
+)
 from marker_tracker_node.tracking.frame.run_means import (
     REFERENCE_FRAMES,
     update_means,
