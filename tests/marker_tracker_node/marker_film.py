@@ -167,9 +167,7 @@ class Film:
     def pinhole(self) -> PinholeCamera:
         return pinhole(self.camera)
 
-    def tracker(
-        self, motion_before: np.ndarray | None = None, remember: bool = False, **changes: object
-    ) -> Tracker:
+    def tracker(self, motion_before: np.ndarray | None = None, **changes: object) -> Tracker:
         config = TrackerConfig(
             cylinder_radius=self.case.cylinder_radius,
             cable_radius=self.case.cable_radius,
@@ -180,7 +178,7 @@ class Film:
             dot_size=self.dot_size,
         )
         config = replace(config, **changes)  # type: ignore[arg-type]
-        return Tracker(config, self.pinhole(), motion_before=motion_before, remember=remember)
+        return Tracker(config, self.pinhole(), motion_before=motion_before)
 
 
 # Films a case of the paper; further arguments are fields of the film.
@@ -192,16 +190,16 @@ Frames = list[tuple[float, np.ndarray]]
 class Wrong:
     """Numbers that a tracker is given wrongly."""
 
+    number: str = ""  # That has to be named
+    share: float = math.nan  # By how much it is set too large; nan where no share is given
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)  # Of the camera, by so much [rad]
     away: float = 0.0  # The camera's distance [m]
     focal: float = 1.0  # Factor on the focal length
     reading: float = 1.0  # Factor on the encoder's angles
     times: float = 1.0  # Factor on the frames' times
     config: dict[str, float] = field(default_factory=dict)  # Factors on fields
-
-    def seen(self, frame: np.ndarray, t: float) -> np.ndarray:
-        """The picture that is seen of one drawn at a time [s]."""
-        return frame
+    # Makes the picture that is seen of one drawn at a time [s].
+    picture: Callable[[np.ndarray, float], np.ndarray] = lambda frame, t: frame
 
     def followed(
         self, film: Film, frames: Frames, *, explain: bool = False
@@ -225,7 +223,7 @@ class Wrong:
             # The encoder keeps its own time: a wrong one asks it for another instant.
             angle, guide = DRIVE.positions(self.times * t)
             reading = self.reading * encoder(angle)
-            published.append(tracker.track(self.seen(frame, t), self.times * t, reading, guide))
+            published.append(tracker.track(self.picture(frame, t), self.times * t, reading, guide))
             if explain:
                 tracker.explain()
         return tracker, published

@@ -12,7 +12,7 @@ import pytest
 from marker_film import COUNT, DRIVE, TURN, axes, encoder
 
 from marker_tracker_node import TrackerConfig
-from marker_tracker_node.tracking.checks.camera_clock import (
+from marker_tracker_node.tracking.camera_clock import (
     CameraClock,
     ClockOffset,
     ClockSettings,
@@ -32,14 +32,23 @@ def reading(angle):
     return axes(angle, 2.0 * angle)
 
 
-def test_reading_is_interpolated_to_the_frame():
-    pairing = Synchroniser()
-    pairing.add_reading(0.010, reading(1.0))
-    pairing.add_reading(0.012, reading(2.0))
-    pairing.add_frame(0.0115, FRAME)
+@pytest.mark.parametrize(
+    ("readings", "t", "angle"),
+    [
+        pytest.param([(0.010, 1.0), (0.012, 2.0)], 0.0115, 1.75, id="between two readings"),
+        pytest.param([(1.0, 1.0), (0.5, 9.0)], 1.0, 1.0, id="a stale reading is left out"),
+        pytest.param([(1.0, 1.0), (1.5, 1.5)], 1.25, None, id="in a drop-out of the encoder"),
+        pytest.param([(1.0, 1.0)], 0.5, None, id="before the first reading"),
+    ],
+)
+def test_a_frame_meets_the_reading_of_its_instant(readings, t, angle):
+    pairing = Synchroniser(EncoderHistory(longest_gap=0.02))
+    for at, value in readings:
+        pairing.add_reading(at, reading(value))
+    pairing.add_frame(t, FRAME)
     (pair,) = pairing.ready()
-    assert pair.cylinder_angle == pytest.approx(1.75)
-    assert pair.guide_z == pytest.approx(3.5)
+    assert pair.cylinder_angle == (angle if angle is None else pytest.approx(angle))
+    assert pair.guide_z == (angle if angle is None else pytest.approx(2.0 * angle))
 
 
 @pytest.mark.parametrize("ahead", [1, 7])
@@ -52,15 +61,6 @@ def test_what_a_frame_is_measured_with_does_not_depend_on_the_encoder_s_lead(ahe
     assert pair.cylinder_angle == pytest.approx(1e-6 * 99.5**2, abs=1e-6)
     assert pairing.history.newest == 0.1
     assert pairing.history.angles(np.array([0.2]))[0] == reading(1e-6 * 100**2).cylinder_angle
-
-
-def test_frame_in_an_encoder_drop_out_goes_without_a_reading():
-    pairing = Synchroniser(EncoderHistory(longest_gap=0.02))
-    pairing.add_reading(1.0, reading(1.0))
-    pairing.add_frame(1.25, FRAME)
-    pairing.add_reading(1.5, reading(1.5))
-    (pair,) = pairing.ready()
-    assert pair.cylinder_angle is None
 
 
 def test_frames_do_not_wait_for_a_dead_encoder_forever():
@@ -83,23 +83,6 @@ def test_a_reading_that_was_lost_and_sent_again_is_waited_for():
     pairs = list(pairing.ready())
     assert [pair.cylinder_angle for pair in pairs] == pytest.approx([pair.t for pair in pairs])
     assert len(pairs) == 31
-
-
-def test_stale_reading_is_left_out():
-    pairing = Synchroniser()
-    pairing.add_reading(1.0, reading(1.0))
-    pairing.add_reading(0.5, reading(9.0))
-    pairing.add_frame(1.0, FRAME)
-    (pair,) = pairing.ready()
-    assert pair.cylinder_angle == 1.0
-
-
-def test_frame_before_the_first_reading_goes_without():
-    pairing = Synchroniser()
-    pairing.add_reading(1.0, reading(1.0))
-    pairing.add_frame(0.5, FRAME)
-    (pair,) = pairing.ready()
-    assert pair.cylinder_angle is None
 
 
 def test_an_encoder_without_a_camera_fills_no_memory():

@@ -8,7 +8,7 @@ import pytest
 from marker_film import DRIVE, UNSEEN, axes, encoder
 
 from marker_tracker_node import FrameFault, TrackerConfig
-from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
+from marker_tracker_node.tracking.camera_clock import ClockSettings
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from winding_core.markers import MARKER_DTYPE, MarkerFlag
 

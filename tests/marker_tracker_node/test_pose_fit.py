@@ -38,7 +38,7 @@ def test_a_wrong_pose_is_found_and_its_error_leaves_the_markers(
     smooth_film, case, tilt, theta_bar, z_bar
 ):
     film = smooth_film(case, camera=replace(SENSOR, tilt=tilt))
-    tracker, *_ = film.followed(7.0, film.tracker(pose=CameraPose(), remember=True))
+    tracker, *_ = film.followed(7.0, film.tracker(pose=CameraPose()))
     assert tracker.report().known == 5
     fit = refine(tracker.config, tracker.camera, tracker.sightings())
     # The specification's bars.
@@ -48,11 +48,8 @@ def test_a_wrong_pose_is_found_and_its_error_leaves_the_markers(
     assert fit.residual < 0.5
 
 
-def test_refining_needs_sightings_that_were_remembered(paper_film):
-    film = paper_film(4)
-    with pytest.raises(ValueError, match="remember"):
-        film.tracker().sightings()
-    tracker = film.tracker(remember=True)
+def test_refining_needs_sightings(paper_film):
+    tracker = paper_film(4).tracker()
     with pytest.raises(ValueError, match="at least 20"):
         refine(tracker.config, tracker.camera, tracker.sightings())
 
@@ -122,7 +119,7 @@ def followed(seed, tilt_sigma=0.0, position_sigma=0.0, patience=2.0):
         position=tuple(position + position_sigma * rng.normal(size=3)),
         tilt=tuple(tilt + tilt_sigma * rng.normal(size=3)),
     )
-    tracker = film.tracker(pose=believed, expected_stretch=1.02, remember=True)
+    tracker = film.tracker(pose=believed, expected_stretch=1.02)
     fps, first = 8.0 if narrow else 4.0, patience * TURN / DRIVE.angular_speed + 0.5
     _, records, _ = film.followed(fps, tracker, stop=first)
     if tracker.report().known:

@@ -14,7 +14,7 @@ from marker_tracker_node.camera.image_formats import PixelReader
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.lay.lay_follower import LayFollower
 from marker_tracker_node.ros.parameters import TrackerParameters
-from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
+from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.report import TrackerReport
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker

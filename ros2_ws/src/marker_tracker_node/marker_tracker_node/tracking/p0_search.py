@@ -19,19 +19,18 @@ from marker_tracker_node.detection.colour import (
 )
 from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE, PROOF_HITS
-from marker_tracker_node.tracking.frame.gate_prediction import (
-    axis_scale,
-    predict_gate,
-)
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, SAME_HEIGHT
+from marker_tracker_node.tracking.estimator.numbers import NUMBERS, PLACE
+from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
+from marker_tracker_node.tracking.frame.acquisition import P0_REACH, PROOF_HITS
+from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
+from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE, SAME_HEIGHT
 from marker_tracker_node.tracking.state import Setup
 from winding_core.helix import FleetAngleLaw
 
-# How far P0 may appear from its place before the camera's pose was ever refined [m].
-SEARCH_REACH = 5.0e-3
+# How far P0 may appear from its place before the camera's pose was ever refined [m]: as far as one
+# that was set with a tape measure stands off.
+SEARCH_REACH = SIGNIFICANT * NUMBERS[PLACE + 1].doubt
 SATURATIONS = np.arange(0.45, 0.95, 0.05)
-NEAR_START = BAND_REACH
 # A band is whole enough to be recognised by its colour.
 WHOLE_ENOUGH = 0.5
 # Share by which the pixels of its hue may be fewer or more than its band should fill.
@@ -78,9 +77,9 @@ def sample_colour(
     Raises:
         ColourRefusedError: P0 is not there, or its pixels define no colour.
     """
-    if abs(angle) > NEAR_START:
+    if abs(angle) > P0_REACH:
         raise ColourRefusedError(
-            f"P0 can be sampled within {NEAR_START} rad of the start only, the cylinder is at "
+            f"P0 can be sampled within {P0_REACH} rad of the start only, the cylinder is at "
             f"{angle:.2f} rad"
         )
     place = _Place.predicted(setup, angle)
@@ -197,11 +196,11 @@ class MovingBand:
 class BandSearch:
     """Follows what has the hue of a marker and lies where P0 passes, until it is P0."""
 
-    def __init__(self, config: TrackerConfig) -> None:
-        """Start with nothing seen."""
-        self._config = config
+    def __init__(self, config: TrackerConfig, reach: float = SEARCH_REACH) -> None:
+        """Start with nothing seen; bands are looked for within a reach along the cylinder [m]."""
+        self._config, self._reach = config, reach
         self._passing: list[MovingBand] = []
-        self._begun = math.nan
+        self._begun = self._angle = math.nan
         law = FleetAngleLaw(
             advance_per_radian=config.advance_per_radian,
             free_length=config.free_length,
@@ -210,20 +209,24 @@ class BandSearch:
         # Nearer to P0's place than to that of P1 on its first turn.
         self._surely = 0.5 * float(law.z(config.expected_gap))
 
-    def add(self, frame: ByteArray, setup: Setup, angle: float) -> MovingBand | None:
-        """Take a frame of shape (rows, columns, 3), at a reading of the encoder [rad].
-
-        Return P0, once it is known which of the bands it is.
-        """
+    def add(self, frame: ByteArray, setup: Setup, angle: float) -> None:
+        """Take a frame of shape (rows, columns, 3), at a reading of the encoder [rad]."""
         if math.isnan(self._begun):
             self._begun = angle
-        for azimuth, z, samples in bands_of_hue(frame, self._config, setup):
+        self._angle = angle
+        for azimuth, z, samples in bands_of_hue(frame, self._config, setup, self._reach):
             self._take(angle, azimuth, z, samples)
-        proven = [band for band in self._passing if band.proven]
-        if not proven:
-            return None
-        lowest = min(proven, key=lambda band: band.z)
-        if abs(angle - self._begun) > math.tau:
+
+    @property
+    def proven(self) -> list[MovingBand]:
+        """Bands that move with the cylinder."""
+        return [band for band in self._passing if band.proven]
+
+    @property
+    def first(self) -> MovingBand | None:
+        """P0, once it is known which of the bands it is."""
+        lowest = min(self.proven, key=lambda band: band.z, default=None)
+        if lowest is None or abs(self._angle - self._begun) > math.tau:
             return lowest
         # One that is not proven yet may be P0 as well.
         lower = any(band.moving and band.z < lowest.z for band in self._passing)
@@ -255,15 +258,16 @@ class BandSearch:
 
 
 def bands_of_hue(
-    frame: ByteArray, config: TrackerConfig, setup: Setup
+    frame: ByteArray, config: TrackerConfig, setup: Setup, along: float
 ) -> list[tuple[float, float, ByteArray]]:
     """Return azimuth [rad], z [m] and pixels of what looks like P0 anywhere in its pass.
 
-    Bands of later turns may touch that of P0 on the +z side: the first cable's width counts.
+    It may be beside its place by so much along the cylinder [m]. Bands of later turns may touch
+    that of P0 on the +z side: the first cable's width counts.
     """
     place, scale = _Place.predicted(setup, 0.0), axis_scale(setup.camera)
     wide = 2.0 * config.cable_radius * scale
-    reach = 0.5 * wide + SEARCH_REACH * scale
+    reach = 0.5 * wide + along * scale
     left = max(int(place.column - reach), 0)
     right = int(place.column + reach) + 1
     strip = frame[:, left:right]
@@ -272,7 +276,11 @@ def bands_of_hue(
     index = colour_index(strip)
     for saturation in SATURATIONS:
         mask = hue_region(config.marker_hue, config.marker_hue_tolerance, saturation)[index]
-        found = _bands(mask, strip, left, wide, place.pixels, setup)
+        found = [
+            one
+            for one in _bands(mask, strip, left, wide, place.pixels, setup)
+            if abs(one[1]) <= along
+        ]
         if found:
             return found
     return []
@@ -301,7 +309,7 @@ def _bands(
         # What stands before the contact line may be cable that is not wound yet.
         start = Band(azimuth=0.5, z=0.0, slope=0.0)
         azimuth, z = solve_band(setup.camera, setup.body, a, b, start)
-        if not (-0.2 <= azimuth <= setup.usable_azimuth) or abs(z) > SEARCH_REACH:
+        if not -0.2 <= azimuth <= setup.usable_azimuth:
             continue
         expected = _Place.predicted(setup, azimuth, z).pixels
         if WHOLE_ENOUGH * expected <= size <= (1.0 + AREA_RANGE) * expected:

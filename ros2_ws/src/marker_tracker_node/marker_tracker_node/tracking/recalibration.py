@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
+from marker_tracker_node.tracking.encoder_history import HALF_SPAN, INTERPOLATED
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
 from marker_tracker_node.tracking.estimator.pictures import seen_again
@@ -24,11 +24,11 @@ from marker_tracker_node.tracking.estimator.problem import (
 )
 from marker_tracker_node.tracking.frame.run_means import STEP
 from marker_tracker_node.tracking.sighting_log import SightingLog
-from marker_tracker_node.tracking.state import PATH_STEP, Burst, Marks, Rows, Setup, TrackerState
+from marker_tracker_node.tracking.state import PATH_STEP, Marks, Rows, Setup, TrackerState
 from winding_core.units import MILLIMETRE, MILLIRADIAN
 
-# Readings of which the speed is taken: a ramp changes it by little meanwhile.
-_SPEED_ROWS = 10
+# Readings of which the speed is taken, as of the encoder's own.
+_SPEED_ROWS = round(2.0 * HALF_SPAN / INTERPOLATED)
 _BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
 
 
@@ -119,7 +119,7 @@ class Recalibration:
 
         Rows of SEEN, shape (k,), were measured with the setup.
         """
-        bands = bands_of(rows)
+        bands = np.column_stack([rows[name] for name in _BAND])
         return bands[:, :2] if self.begun is None else _seen(bands, setup, self.begun)[:, :2]
 
     def make(
@@ -127,26 +127,19 @@ class Recalibration:
         found: Correction,
         state: TrackerState,
         log: SightingLog,
-        memory: Iterable[Burst],
         setups: tuple[Setup, Setup],
     ) -> None:
         """Take what was measured so far as corrected numbers have it.
 
-        State, log and memory are written; setups are that with which was measured, and the new one.
+        State and log are written; setups are that with which was measured, and the new one.
         """
         marks, cylinder = state.marks, state.run.cylinder
         found = _with_unseen(found, turned(marks, found.errors, setups))
         self.begun = self.begun or setups[0]
         self.change[:, found.markers] += [found.theta, found.z] - _places(marks, found)
-        self.moved += _measure_again(log.sightings, *setups)
+        self.moved += measure_again(log.sightings, *setups)
         factors = (1.0 + self.errors) / (1.0 + found.errors)
         scale = float(factors[SCALE] * factors[TIMES])
-        for burst in memory:
-            rows = burst.rows.ravel()
-            names = ["azimuth", "seen_height", "low", "high"]
-            for name, again in zip(names, _seen(bands_of(rows), *setups).T, strict=True):
-                rows[name] = again
-            burst.angle[:] *= scale
         self.errors, self.made, self.posed = found.errors, found.carried, found.posed
         log.forget(found.unexplained)
         reported = np.array([[float(cylinder.time)], [float(cylinder.angle) - self.ahead]])
@@ -192,12 +185,7 @@ def _seen(bands: FloatArray, old: Setup, new: Setup) -> FloatArray:
     return seen_again(old.camera, old.body, new.camera, new.body, bands)
 
 
-def bands_of(rows: Rows) -> FloatArray:
-    """Return the fields of `Band` of rows of SEEN, shape (k, 7)."""
-    return np.column_stack([rows[name] for name in _BAND])
-
-
-def _measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
+def measure_again(sightings: FloatArray, old: Setup, new: Setup) -> float:
     """Write bands of `Seen.rows` as a new setup has them; return what P0's azimuths gain [rad]."""
     bands = sightings[:, AZIMUTH:].copy()
     bands[:, 0] += math.tau * sightings[:, LAP]

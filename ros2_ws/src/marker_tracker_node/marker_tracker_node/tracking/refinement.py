@@ -10,9 +10,7 @@ import numpy as np
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
-from marker_tracker_node.tracking.estimator.configured import body_without, camera_without
-from marker_tracker_node.tracking.estimator.fit import fitted
+from marker_tracker_node.tracking.estimator.fit import carried_correction, fitted
 from marker_tracker_node.tracking.estimator.numbers import (
     CABLE,
     COUNT,
@@ -21,6 +19,8 @@ from marker_tracker_node.tracking.estimator.numbers import (
     PLACE,
     TILT,
     ZERO,
+    body_without,
+    camera_without,
 )
 from marker_tracker_node.tracking.estimator.problem import ANGLE, MARKER, TIME, Problem, Seen
 from marker_tracker_node.tracking.frame.run_means import (
@@ -42,7 +42,7 @@ _POSE = np.arange(TILT, FOCAL)
 
 @dataclass(frozen=True, kw_only=True)
 class Sightings:
-    """Every measured band of a run.
+    """Measured bands of a run.
 
     Attributes:
         rows: See `Seen.rows`, whose times are of no account, shape (k, 11).
@@ -118,7 +118,7 @@ def refine(
     start, nominal = problem.start.copy(), config.pose.numbers - sightings.pose.numbers
     start[_POSE] = nominal
     best = fitted(problem, prior, start)
-    data, follow, information = data_information(best, _POSE)
+    data, follow, information = best.information(_POSE)
     moved, covariance = carried_correction(
         data, nominal - best.x[_POSE], nominal, belief.sigmas, CARRIED
     )

@@ -11,7 +11,7 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
 from marker_tracker_node.tracking.encoder_history import INTERPOLATED, KEPT
 from marker_tracker_node.tracking.estimator.problem import ANGLE, COLUMNS
-from marker_tracker_node.tracking.frame.acquisition import PROOF_ADVANCE
+from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE
 from marker_tracker_node.tracking.state import Burst, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from marker_tracker_node.arrays import ByteArray
-from marker_tracker_node.tracking.checks.camera_clock import CameraClock, ClockSettings
+from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.frame.acquisition import PROOF_HITS
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport

@@ -10,19 +10,28 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray, FloatArray
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel
-from marker_tracker_node.tracking.checks.consistency import RunChecks
-from marker_tracker_node.tracking.checks.lay_check import guide_doubt, missing_markers
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.estimator import configured
 from marker_tracker_node.tracking.estimator.correction import Correction
-from marker_tracker_node.tracking.estimator.numbers import COUNT, TILT
-from marker_tracker_node.tracking.estimator.problem import Seen
+from marker_tracker_node.tracking.estimator.numbers import (
+    COUNT,
+    TILT,
+    body_without,
+    camera_without,
+    pose_without,
+)
+from marker_tracker_node.tracking.estimator.problem import ANGLE, TIME, Seen
 from marker_tracker_node.tracking.frame.frame_update import update_burst
 from marker_tracker_node.tracking.frame.run_means import mean_variances
 from marker_tracker_node.tracking.machine_motion import MotionBefore
-from marker_tracker_node.tracking.recalibration import Recalibration, bands_of, turned
+from marker_tracker_node.tracking.recalibration import Recalibration, measure_again, turned
 from marker_tracker_node.tracking.refinement import Sightings
-from marker_tracker_node.tracking.report import FrameFault, TrackerReport
+from marker_tracker_node.tracking.report import (
+    FrameFault,
+    RunChecks,
+    TrackerReport,
+    guide_doubt,
+    missing_markers,
+)
 from marker_tracker_node.tracking.run_start import RunStart
 from marker_tracker_node.tracking.sighting_log import SightingLog
 from marker_tracker_node.tracking.state import Burst, Setup, TrackerState, fixed_numbers
@@ -68,28 +77,31 @@ class Tracker:
             config: Machine, cable and camera pose.
             camera: Content of CameraInfo.
             colour: Of the markers; None to learn it from P0.
-            remember: Whether to keep every sighting for `sightings`; 96 bytes a marker and frame.
+            remember: Without effect: `sightings` are those that the estimator keeps.
             motion_before: Times [s], encoder readings [rad] and guide positions [m] of the run
                 before the first frame, shape (3, n); None where the frames begin with the run.
         """
         self.config = config
         self.camera = camera
-        self.state = TrackerState.fresh(config.marker_count)
         self._motion = MotionBefore(motion_before)
-        self._setup = config.setup(camera.view(config.pose))
-        self._fixed = fixed_numbers(self._setup)
-        self._numbers = Recalibration(config.marker_count + 1)
         self._start = RunStart(config, camera, colour)
         self.beginnings = 0
-        self._memory: list[Burst] | None = [] if remember else None
         self._ids = np.arange(config.marker_count + 1)
-        self._log, self._checks = SightingLog(), RunChecks()
+        self._begin()
         # How many frames were used, and how many of them when they were explained last.
         self._frames, self._explained_at = 0, -1
         self._rejected = dict.fromkeys(FrameFault, 0)
         self._losses = 0
         self._flags = np.full(len(self._ids), MarkerFlag.NOT_WOUND, dtype=np.uint32)
         self.seen = np.full(len(self._ids), np.nan)
+
+    def _begin(self) -> None:
+        """Know nothing of what was measured."""
+        self.state = TrackerState.fresh(self.config.marker_count)
+        self._log, self._checks = SightingLog(), RunChecks()
+        self._numbers = Recalibration(len(self._ids))
+        self._setup = self.config.setup(self.camera.view(self.pose))
+        self._fixed = fixed_numbers(self._setup)
 
     @property
     def colour(self) -> ColourModel | None:
@@ -100,7 +112,7 @@ class Tracker:
     def pose(self) -> CameraPose:
         """The camera's pose: turned until P0 stands where it must, or as it is corrected."""
         if self._numbers.made:
-            return configured.pose_without(self.config.pose, self._numbers.errors)
+            return pose_without(self.config.pose, self._numbers.errors)
         return self.begun
 
     @property
@@ -111,7 +123,7 @@ class Tracker:
     @property
     def lens(self) -> PinholeCamera:
         """The camera with its focal length as it is corrected."""
-        return configured.camera_without(self.camera, self._numbers.errors)
+        return camera_without(self.camera, self._numbers.errors)
 
     @property
     def zeroed(self) -> bool:
@@ -159,7 +171,8 @@ class Tracker:
         guide = _believed(guide_z)
         if not self._start.done:
             if self._start.take(frame, self._setup, angle, guide):
-                self._begin_anew()
+                self.beginnings += 1
+                self._begin()
             if not self.state.marks.known[0]:
                 self.state.mark_rows["height"][0] = self._start.height
         out = self._advance(
@@ -242,28 +255,17 @@ class Tracker:
         return estimates
 
     def sightings(self) -> Sightings:
-        """Return every measured band so far, for `refine`.
-
-        Raises:
-            ValueError: The tracker does not remember them.
-        """
-        if self._memory is None:
-            raise ValueError("the tracker keeps no sightings: start it with remember=True")
-        means = self.estimates()
-        bursts = [Burst.empty(0, len(self._ids)), *self._memory]
-        rows = np.concatenate([burst.rows for burst in bursts])
-        frame, marker = np.nonzero(np.isfinite(rows["azimuth"]))
-        measured, numbers = rows[frame, marker], self._numbers
-        bands, pose, without = bands_of(measured), self.pose, numbers.errors
-        if numbers.posed:
+        """Return the bands that the log keeps, for `refine`."""
+        means, numbers = self.estimates(), self._numbers
+        rows, pose, without = self._log.sightings.copy(), self.pose, numbers.errors
+        if numbers.turns:
+            rows[:, ANGLE] += numbers.turned_ahead(self._log.motion, rows[:, [TIME, ANGLE]].T)
+        if numbers.posed and numbers.begun is not None:
             # What `refine` finds is what is left of the pose with which the run began.
-            bands[:, :2] = numbers.as_begun(measured, self._setup)
+            measure_again(rows, self._setup, numbers.begun)
             pose, without = self.begun, np.zeros_like(numbers.errors)
-        lap = np.round(bands[:, 0] / math.tau)
-        bands[:, 0] -= math.tau * lap
-        angle = np.concatenate([burst.angle for burst in bursts])[frame]
         return Sightings(
-            rows=np.column_stack([marker, lap, angle, angle, bands]),
+            rows=rows,
             pose=pose,
             without=without,
             means=np.array([means["theta"], means["z"]]),
@@ -323,15 +325,15 @@ class Tracker:
 
     def _without(self, errors: FloatArray) -> Setup:
         """Return machine and camera without errors of their numbers, shape (numbers,)."""
-        camera, config = configured.camera_without(self.camera, errors), self.config
-        setup = config.setup(camera.view(configured.pose_without(config.pose, errors)))
-        return setup._replace(body=configured.body_without(config.body, errors))
+        camera, config = camera_without(self.camera, errors), self.config
+        setup = config.setup(camera.view(pose_without(config.pose, errors)))
+        return setup._replace(body=body_without(config.body, errors))
 
     def _recalibrate(self, found: Correction, setup: Setup) -> None:
         """Measure with other numbers from now on, and take what was measured as they have it."""
         old, self._setup = self._setup, setup
         self._fixed = fixed_numbers(setup)
-        self._numbers.make(found, self.state, self._log, self._memory or [], (old, setup))
+        self._numbers.make(found, self.state, self._log, (old, setup))
         self.state.candidate_rows["hits"] = 0
 
     def _seen(self) -> Seen:
@@ -380,17 +382,6 @@ class Tracker:
         if len(times) and not (np.diff(times, prepend=first) > 0.0).all():
             raise ValueError(f"times must ascend from the last frame's {first} s")
 
-    def _begin_anew(self) -> None:
-        """Forget what was measured with another pose or zero of the encoder."""
-        self.beginnings += 1
-        self._log, self._checks = SightingLog(), RunChecks()
-        self._numbers = Recalibration(len(self._ids))
-        self.state = TrackerState.fresh(self.config.marker_count)
-        self._setup = self.config.setup(self.camera.view(self.pose))
-        self._fixed = fixed_numbers(self._setup)
-        if self._memory is not None:
-            self._memory.clear()
-
     def _advance(self, frames: ByteArray, readings: FloatArray) -> Burst:
         """Take frames with their `readings`, see `update_burst`."""
         out = Burst.empty(len(frames), len(self._ids))
@@ -414,8 +405,6 @@ class Tracker:
             still, palette.tables, palette.colour_of, self._fixed, state.run_rows,
             state.mark_rows, state.candidate_rows, state.paths, readings, out.angle, out.rows,
         )  # fmt: skip
-        if self._memory is not None:
-            self._memory.append(out)
         self._log.take(still, readings, out)
         self._frames += len(frames)
         if len(frames):

@@ -1,1 +1,1 @@
-"""Do configuration, clocks, pose and guide fit what the pictures of the run show?"""
+"""Former place of `tracking.camera_clock`."""

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray, IndexArray
-from marker_tracker_node.tracking.estimator.carried import carried_correction, data_information
-from marker_tracker_node.tracking.estimator.fit import SURE, fitted
+from marker_tracker_node.tracking.estimator.fit import SURE, carried_correction, fitted
 from marker_tracker_node.tracking.estimator.numbers import COUNT, FOCAL, SCALE, TILT, TIMES
 from marker_tracker_node.tracking.estimator.problem import HELD, Problem
 from marker_tracker_node.tracking.estimator.verdict import (
@@ -60,7 +59,7 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
         return None
     fit = verdict.best
     numbers, rest = slice(0, COUNT), np.arange(COUNT, fit.x.size)
-    data, follow, _ = data_information(fit, np.arange(COUNT))
+    data, follow, _ = fit.information(np.arange(COUNT))
     begun, sigmas = problem.begun, fit.prior[numbers] ** -0.5
     moved, covariance = carried_correction(data, fit.x[numbers] - begun, -begun, sigmas, _CARRIED)
     aside = begun - fit.x[numbers]

@@ -1,4 +1,7 @@
-"""Robust least squares: Gauss-Newton with weights that fall with the misfit (Cauchy)."""
+"""Robust least squares, and the part of a fitted change that the data carry.
+
+Gauss-Newton with weights that fall with the misfit (Cauchy).
+"""
 
 from __future__ import annotations
 
@@ -6,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from marker_tracker_node.arrays import FloatArray
+from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.problem import Problem
 
 # So many deviations are no chance: one number in 370 is as far off. Such a sighting counts half.
@@ -35,6 +38,18 @@ class Fit:
     def covariance(self) -> FloatArray:
         """Of the unknowns under the prior, shape (unknowns, unknowns)."""
         return np.asarray(np.linalg.inv(self.normal + np.diag(self.prior + LEAST_INFORMATION)))
+
+    def information(self, chosen: IndexArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return what the sightings alone know of chosen unknowns, of places of shape (n,).
+
+        That is the information on them without their prior, (n, n); what a change of them takes off
+        every other unknown, (others, n); and the information on the others, (others, others).
+        """
+        rest = np.delete(np.arange(self.x.size), chosen)
+        others = self.normal[np.ix_(rest, rest)] + np.diag(self.prior[rest] + LEAST_INFORMATION)
+        across = self.normal[np.ix_(rest, chosen)]
+        follow = np.asarray(np.linalg.solve(others, across), dtype=float)
+        return self.normal[np.ix_(chosen, chosen)] - across.T @ follow, follow, others
 
 
 def fitted(
@@ -79,3 +94,41 @@ def _at(problem: Problem, prior: FloatArray, centre: FloatArray, x: FloatArray) 
         gradient=flat.T @ (off * weight[:, None]).ravel() + area * by_area,
         rest=float(np.quantile(square, 0.8)),
     )
+
+
+def carried_correction(
+    data: FloatArray, best: FloatArray, nominal: FloatArray, sigmas: FloatArray, least: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the part of a fitted change of numbers that the data carry, and its covariance.
+
+    In units of the doubts the data's information has axes of its own. Along one of them the change
+    is taken whole if it is `least` standard deviations of the data or more, and else left out:
+    right numbers are then left alone. What was left out counts as error.
+
+    Args:
+        data: Information on the numbers without any prior, shape (numbers, numbers).
+        best: Fitted change from the present numbers, shape (numbers,).
+        nominal: Change that would lead to the configured ones, shape (numbers,).
+        sigmas: How well those were known, one standard deviation, shape (numbers,); zero where they
+            are held.
+        least: See above.
+    """
+    free = sigmas > 0.0
+    moved, covariance = np.zeros(sigmas.size), np.zeros((sigmas.size, sigmas.size))
+    moved[~free] = nominal[~free]
+    if not free.any():
+        return moved, covariance
+    unit = sigmas[free]
+    information = data[np.ix_(free, free)] * np.outer(unit, unit)
+    strength, axes = np.linalg.eigh(0.5 * (information + information.T))
+    strength = np.maximum(strength, 0.0)
+    change = axes.T @ (best[free] / unit)
+    # The data alone would go further than the compromise with the prior does.
+    centre = axes.T @ (nominal[free] / unit)
+    alone = change + (change - centre) / np.maximum(strength, 1.0e-12)
+    carried = np.abs(alone) * np.sqrt(strength) >= least
+    taken = np.where(carried, change, 0.0)
+    variance = 1.0 / (1.0 + strength) + (change - taken) ** 2
+    moved[free] = unit * (axes @ taken)
+    covariance[np.ix_(free, free)] = np.outer(unit, unit) * ((axes * variance) @ axes.T)
+    return moved, covariance

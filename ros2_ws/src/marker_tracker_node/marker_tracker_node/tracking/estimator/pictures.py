@@ -15,6 +15,7 @@ from marker_tracker_node.detection.band import (
     band_of,
     moved_band,
     solve_band,
+    surface_point,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import RING_DEPTH
 from winding_core.compiling import called, compiled
@@ -122,11 +123,9 @@ def _by_camera(
     view: CameraView, body: Body, band: Band, a: float, b: float, out: FloatArray
 ) -> None:  # pragma: no cover
     """Write the derivatives by tilt, position and z: those of a point of the picture at (a, b)."""
-    outside = body.rho + RING_DEPTH * body.cable_radius
-    x, y = outside * math.cos(band.azimuth), outside * math.sin(band.azimuth)
-    if band.azimuth < 0.0:
-        x, y = outside, body.rho * band.azimuth
-    _a, _b, depth = plane_of_point(view, x, y, band.z)
+    depth_of_ring = RING_DEPTH * body.cable_radius
+    x, y, z = surface_point(body.rho, depth_of_ring, band.azimuth, band.z, 0.0, 0.0)
+    _a, _b, depth = plane_of_point(view, x, y, z)
     out[TILT, 0], out[TILT, 1] = a * b, 1.0 + b * b
     out[TILT + 1, 0], out[TILT + 1, 1] = -1.0 - a * a, -a * b
     out[TILT + 2, 0], out[TILT + 2, 1] = b, -a

@@ -22,12 +22,6 @@ from marker_tracker_node.camera.pinhole import CameraPose, CameraView, PinholeCa
 from marker_tracker_node.detection.band import Band, Body, band_centroid
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.tracking.estimator import pictures
-from marker_tracker_node.tracking.estimator.configured import (
-    LEAST,
-    body_without,
-    camera_without,
-    pose_without,
-)
 from marker_tracker_node.tracking.estimator.mask_bias import (
     COMMON,
     CUT_SCATTER,
@@ -42,12 +36,16 @@ from marker_tracker_node.tracking.estimator.numbers import (
     COUNT,
     CYLINDER,
     FOCAL,
+    LEAST,
     NUMBERS,
     PLACE,
     SCALE,
     TILT,
     TIMES,
     ZERO,
+    body_without,
+    camera_without,
+    pose_without,
 )
 
 # Inverse variance of what is taken as it is, to a micrometre or a microradian.

@@ -10,7 +10,6 @@ from typing import NamedTuple
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
-from marker_tracker_node.tracking.estimator.carried import data_information
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE, Fit, fitted
 from marker_tracker_node.tracking.estimator.numbers import BAND, CLOCK, COUNT, NUMBERS, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem
@@ -18,7 +17,7 @@ from marker_tracker_node.tracking.estimator.problem import Problem
 # Releasing a prior must explain so much: in 101 consistent films it explained 9.3 at most.
 _LEAST_GAIN = 10.0
 # And the number must be off by so many deviations, its doubt among them.
-_SIGNIFICANT = 2.5
+SIGNIFICANT = 2.5
 # Sightings that are neighbours err together: differences of cost are 2 to 3 times too large.
 DEPENDENT = 2.5
 # What costs no more than this beyond the best explanation is one, too.
@@ -48,7 +47,7 @@ class Explanation(NamedTuple):
     def left(self) -> bool:
         """Whether the error exceeds what is doubted of the number."""
         doubt = math.hypot(NUMBERS[self.number].doubt, self.sigma)
-        return abs(self.error) > _SIGNIFICANT * doubt
+        return abs(self.error) > SIGNIFICANT * doubt
 
     @property
     def inside(self) -> bool:
@@ -126,7 +125,7 @@ def _within_doubt(
     None where many numbers are a little wrong, or all are right. About a fit the cost of the
     sightings is a parabola of the numbers; the prior pulls as much as the sightings there.
     """
-    data, _, _ = data_information(fit, np.arange(COUNT))
+    data, _, _ = fit.information(np.arange(COUNT))
     x, pull = fit.x[:COUNT], (fit.prior * fit.x)[:COUNT]
     strength, axes = np.linalg.eigh(data)
     held = strength > LEAST_INFORMATION * strength[-1]

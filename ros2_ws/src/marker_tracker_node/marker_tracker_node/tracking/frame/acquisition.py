@@ -40,6 +40,7 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
 from marker_tracker_node.tracking.frame.laid_path import (
     BAND_REACH,
     LEAST_GAP,
+    PROOF_ADVANCE,
     band_beside_turns,
     corrected_height,
     first_sought,
@@ -53,9 +54,8 @@ from winding_core.compiling import called
 P0_REACH = BAND_REACH
 # A marker proves itself on the free span, this far before it lands [rad].
 APPROACH = 0.25
-# Something proves itself by so many sightings, and by moving with the cylinder so far [rad].
+# Something proves itself by so many sightings, beside its way.
 PROOF_HITS = 3
-PROOF_ADVANCE = 0.1
 # Before any offset is known, what lands may lie so much farther from the path than what has come
 # round, in the reach of a search: that would have been found as it landed.
 LANDING = 0.2

@@ -23,7 +23,6 @@ from marker_tracker_node.detection.gate import (
     seeking,
     several_colours,
 )
-from marker_tracker_node.tracking.checks.lay_check import judge_guide
 from marker_tracker_node.tracking.frame.acquisition import acquire_markers
 from marker_tracker_node.tracking.frame.expected_bands import (
     Expected,
@@ -40,7 +39,12 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     shutter_of,
     turned_since,
 )
-from marker_tracker_node.tracking.frame.laid_path import SAME_HEIGHT, fit_offset, laid_cable
+from marker_tracker_node.tracking.frame.laid_path import (
+    SAME_HEIGHT,
+    fit_offset,
+    judge_guide,
+    laid_cable,
+)
 from marker_tracker_node.tracking.frame.run_means import (
     REFERENCE_FRAMES,
     update_means,
