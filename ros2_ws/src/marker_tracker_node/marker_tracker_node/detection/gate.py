@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FloatArray, IndexArray
-from winding_core.compiling import called, compiled
+from winding_core.compiling import called
 
 # Places in `Picture.tables`; the colours of markers follow.
 UNKNOWN, ANY, FIRST_COLOUR = range(3)
@@ -76,7 +76,7 @@ class Gates(NamedTuple):
     right_lean: FloatArray  # The same of the right limit
 
 
-@compiled
+@called
 def empty_gates(count: int) -> Gates:  # pragma: no cover
     """Return room for a number of gates."""
     r = np.zeros((13, count))

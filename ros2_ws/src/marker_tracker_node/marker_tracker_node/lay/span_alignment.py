@@ -185,8 +185,8 @@ def span_in(
     last: float,
     reach: float,
     machine: Machine,
-) -> FreeSpan:  # pragma: no cover
-    """Return the free span that a picture shows, NO_SPAN if it shows none.
+) -> tuple[float, float, float, float, int]:  # pragma: no cover
+    """Return the fields of the free span that a picture shows, of NO_SPAN if it shows none.
 
     Args:
         pixels: Blue-green-red, shape (rows, columns, 3).
@@ -198,6 +198,22 @@ def span_in(
         reach: How far from there it may land [m].
         machine: Cylinder and cable.
     """
+    span = _span_in(pixels, rows, start, slope, guide_z, last, reach, machine)
+    return span.angle, span.sigma_angle, span.contact_z, span.sigma_contact_z, span.rows
+
+
+@called
+def _span_in(
+    pixels: ByteArray,
+    rows: RowTables,
+    start: float,
+    slope: float,
+    guide_z: float,
+    last: float,
+    reach: float,
+    machine: Machine,
+) -> FreeSpan:  # pragma: no cover
+    """Return what `span_in` has the fields of."""
     number, groups = rows.z.shape
     found, counts = np.empty((number, MOST_EDGES, NUMBERS)), np.empty(number, dtype=np.int64)
     for k in range(number):
