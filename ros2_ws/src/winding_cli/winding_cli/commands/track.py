@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
     from marker_tracker_node import LayReport, PinholeCamera, PoseBelief, Refinement, Tracker
     from marker_tracker_node.camera.recordings import Motion
-    from marker_tracker_node.tracking.checks.camera_clock import CameraClock
+    from marker_tracker_node.tracking.camera_clock import CameraClock
     from marker_tracker_node.tracking.report import TrackerReport
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
     from winding_core.markers import Markers
@@ -93,7 +93,7 @@ def track(
     from marker_tracker_node.camera.frame_sources import FrameSource, Recording, is_bag, read_bag
     from marker_tracker_node.camera.recordings import read_motion, write_measurements
     from marker_tracker_node.lay.lay_follower import LayFollower, write_lay
-    from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
+    from marker_tracker_node.tracking.camera_clock import ClockSettings
     from marker_tracker_node.tracking.config import TrackerConfig
     from marker_tracker_node.tracking.encoder_history import EncoderHistory
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker

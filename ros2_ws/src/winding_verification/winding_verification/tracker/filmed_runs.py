@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from marker_tracker_node import Tracker
-from marker_tracker_node.tracking.checks.camera_clock import ClockSettings
+from marker_tracker_node.tracking.camera_clock import ClockSettings
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
 from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
 from winding_core.machine.readings import AxisReading

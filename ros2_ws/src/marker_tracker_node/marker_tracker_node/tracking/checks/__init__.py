@@ -1,1 +1,0 @@
-"""Former place of `tracking.camera_clock`."""
