@@ -22,7 +22,7 @@ ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "licences.md"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 # Extras of users; tools that test, build and document are not distributed.
-EXTRAS = ("ros", "dashboard", "tables", "train", "opcua", "cluster")
+EXTRAS = ("ros", "dashboard", "tables", "train", "opcua", "arm", "cluster")
 COPYLEFT = re.compile(r"\b[AL]?GPL|General Public|Mozilla|\bMPL|\bEPL|\bCDDL", re.IGNORECASE)
 # A licence text in place of its name is known by its first words.
 _TEXTS = {"MIT License": "MIT", "Apache License": "Apache-2.0", "BSD 3-Clause": "BSD-3-Clause"}
@@ -147,7 +147,7 @@ def page(all_of_them: list[Library]) -> str:
             "3.11, or the ROS manifest inside; `release/licences.py` writes this page from an",
             "environment with every extra. The distributions `ros-jazzy-...` are empty: they name",
             "others. A wheel may hold compiled code of others as well, such as FFmpeg (LGPL) in",
-            "OpenCV's: its own licence files say so. `make sbom` lists a run's environment as",
+            "OpenCV's: see its own licence files. `make sbom` lists a run's environment as",
             "CycloneDX.",
             "",
             "## Copyleft",
