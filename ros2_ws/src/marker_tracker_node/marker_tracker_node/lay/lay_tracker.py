@@ -21,7 +21,7 @@ from winding_core.lay.records import LayRecords
 # The free span changes more slowly than there is new cable.
 SPAN_STEPS = 1.0
 # A span whose angle is known no better is none [rad], nor one that fewer of its rows show.
-MOST_DOUBT, MOST_ROWS = 0.01, 0.6
+MOST_DOUBT, MOST_ROWS = 2.5e-3, 0.6
 # No cable is laid with a greater slope, dz per way.
 STEEPEST = 0.5
 # How far the slope of a straight cable to the guide may be off, and the share by which its length.
