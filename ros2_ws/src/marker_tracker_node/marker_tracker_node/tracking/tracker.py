@@ -68,7 +68,6 @@ class Tracker:
         camera: PinholeCamera,
         colour: ColourModel | None = None,
         *,
-        remember: bool = False,
         motion_before: FloatArray | None = None,
     ) -> None:
         """Start a run.
@@ -77,7 +76,6 @@ class Tracker:
             config: Machine, cable and camera pose.
             camera: Content of CameraInfo.
             colour: Of the markers; None to learn it from P0.
-            remember: Without effect: `sightings` are those that the estimator keeps.
             motion_before: Times [s], encoder readings [rad] and guide positions [m] of the run
                 before the first frame, shape (3, n); None where the frames begin with the run.
         """

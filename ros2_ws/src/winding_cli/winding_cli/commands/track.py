@@ -128,7 +128,7 @@ def track(
             EncoderHistory(longest_gap=math.inf, complete=True),
             beside=follower.take if lay is not None else None,
         )
-        tracker = Tracker(config, lens, remember=refined)
+        tracker = Tracker(config, lens)
         live.start(tracker)
         reader = PixelReader(encoding=read.encoding, significant_bits=read.significant_bits)
         frames = FrameSource(source, fps=fps, reader=reader)
