@@ -172,7 +172,7 @@ POSED = "guide: {source: pose}\n"
         ("guide: {source: pose, eye_m: [1.0]}", "eye_m must be a list of 3 numbers, got"),
         (f"{POSED}cylinder: {{scale: 0.0}}", "scale of cylinder must not be 0"),
         (f"{POSED}commands: {{low_m: 1.0, high_m: 0.5}}", "low_m must be less than high_m, got 1"),
-        (f"{POSED}comands: {{}}", "comands; did you mean commands"),
+        (f"{POSED}command: {{}}", "command; did you mean commands"),
         ("- 1", "must be a mapping"),
     ],
 )
