@@ -96,7 +96,7 @@ def test_guide_is_slowed_where_a_joint_would_be_too_fast(tmp_path: Path) -> None
     # The share of the limit that is taken, and a period's change of the arm's Jacobian.
     assert 0.05 < fastest < 0.1
     assert "the guide is slowed to" in bench.guided.lead.remark
-    assert "near a singularity" in bench.guided.lead.remark
+    assert "as near a singularity" in bench.guided.lead.remark
 
 
 def test_guide_stands_when_targets_stop(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ _SPEED_SHARE = 0.9
 # Rate at which a commanded velocity closes up to the setpoint [1/s]: a quarter of what a dead time
 # of 50 ms would make ring.
 _CLOSING_RATE = 5.0
-# A guide this much slower than it may go is said to be slowed.
+# A guide this much slower than it may go is reported as slowed.
 _SLOWED = 0.98
 
 
@@ -194,6 +194,6 @@ class GuideLead:
         if fastest < _SLOWED * self._limits.speed:
             self.remark = (
                 f"the guide is slowed to {fastest:.3g} m/s: {arm.joints[worst].name} would exceed "
-                f"{arm.joints[worst].speed:.3g} rad/s near a singularity"
+                f"its largest speed of {arm.joints[worst].speed:.3g}, as near a singularity"
             )
         return float(fastest)

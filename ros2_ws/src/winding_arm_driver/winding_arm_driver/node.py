@@ -43,6 +43,8 @@ NAME = "winding_arm"
 # Two seconds at 1000 Hz.
 _DEPTH = 2000
 _REPORT = 1.0
+# Reasons may hold numbers that are never the same.
+_MOST_REASONS = 100
 _NANO = 1_000_000_000
 _COMMANDS = {
     POSE: PoseStamped,
@@ -100,7 +102,8 @@ class ArmDriverNode(Node):  # type: ignore[misc]
             try:
                 take(message)
             except (MessageError, ValueError) as error:
-                self._refused[str(error)] += 1
+                known = str(error) in self._refused or len(self._refused) < _MOST_REASONS
+                self._refused[str(error) if known else "refused for other reasons"] += 1
             self._publish()
 
         self.create_subscription(type_, topic, taken, qos)
