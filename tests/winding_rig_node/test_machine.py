@@ -1,7 +1,7 @@
 """The machine: motor, encoder, PID, speeds, phases, judgement of its sensors, flow control."""
 
 import math
-from dataclasses import astuple, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def wind(rig: Machine) -> np.ndarray:
     rows = []
     while rig.moving:
         rig.step()
-        rows.append((rig.time, *astuple(rig.reading())))
+        rows.append((rig.time, *rig.reading().numbers))
     return np.array(rows)
 
 
