@@ -85,7 +85,7 @@ class ClockOffset:
         """Start without sightings of some bands, P0 first; offsets up to a limit [s] are found."""
         self.estimate = ClockEstimate()
         self._history = history
-        # What is beyond is told from what is at the limit.
+        # What is beyond is distinguished from what is at the limit.
         steps = math.ceil((limit + ClockSettings.limit) / INTERPOLATED)
         self._offsets = INTERPOLATED * np.arange(-steps, steps + 1)
         self._t, self._azimuth, self._weight = np.zeros((3, bands, ROWS))
