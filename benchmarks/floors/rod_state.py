@@ -13,7 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import LEDGER_SIZE, Points
-from cable_fem_node.rod.rod_records import REFERENCE, RUNNING, AxialResponse, Constants, Relaxation
+from cable_fem_node.rod.rod_records import (
+    REFERENCE,
+    RUNNING,
+    Advance,
+    AxialResponse,
+    Constants,
+    Relaxation,
+)
 from cable_fem_node.rod.rod_records import RodState as KernelState
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.winding_kernels import advance_winding, points_of
@@ -128,16 +135,18 @@ def drive_between(model: RodWinding, profile: DriveProfile, span: float) -> Floa
 
 def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) -> None:
     """Advance a state in place by steps of dt [s] with the kernel of the solver."""
-    end = advance_winding(
-        state.kernel_state,
-        steps,
-        dt,
-        state.surface_step / dt,
-        drive,
-        state.constants,
-        state.response,
-        state.relax,
-        state.ledger,
+    end = Advance(
+        *advance_winding(
+            state.kernel_state,
+            steps,
+            dt,
+            state.surface_step / dt,
+            drive,
+            state.constants,
+            state.response,
+            state.relax,
+            state.ledger,
+        )
     )
     assert (end.steps, end.status) == (steps, RUNNING)
     state.nodes, state.surface_step = end.nodes, end.surface_rate * dt

@@ -281,7 +281,7 @@ def overlap_check(
     Raises:
         ValueError: The guide turns back, over more turns than are followed.
     """
-    width = resolved.case.cable_diameter * resolved.lateral
+    width = resolved.constants.touch.apart
     length, radius = resolved.constants.free_length, resolved.wound_radius
     angle, guide = (np.asarray(v) for v in drive.positions(np.linspace(0.0, duration, 2001)))
     turns = angle.max() / FULL_TURN
