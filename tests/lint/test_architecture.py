@@ -38,7 +38,7 @@ PLACES = {
         r"winding_dashboard/winding_dashboard/(web/|__main__\.py)"
     ),
     re.compile(r"asyncua"): re.compile(r"winding_plc_driver/winding_plc_driver/opcua/"),
-    re.compile(r"pinocchio"): re.compile(r"winding_arm_driver/winding_arm_driver/kinematics\.py"),
+    re.compile(r"pinocchio"): re.compile(r"winding_core/winding_core/arm/kinematics\.py"),
 }
 
 

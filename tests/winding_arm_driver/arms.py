@@ -9,7 +9,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
-from winding_arm_driver.rigid import FloatArray
+from winding_core.arm.rigid import FloatArray
 
 # Links d [m], a [m], alpha [rad] of a common six-axis arm.
 LINKS = (

@@ -5,8 +5,8 @@ import pytest
 
 from winding_arm_driver.frames import FrameTree
 from winding_arm_driver.guide import Guided
-from winding_arm_driver.mapping import ArmMapping, Commands, Cylinder, Guide, WinderAxis
-from winding_arm_driver.rigid import Pose
+from winding_core.arm.arm_file import ArmMapping, Commands, Cylinder, Guide, WinderAxis
+from winding_core.arm.rigid import Pose
 
 # A quarter turn about z.
 QUARTER = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]

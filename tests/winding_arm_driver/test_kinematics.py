@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from arms import HOME, NAMES, tool, written
 
-from winding_arm_driver.kinematics import Arm, ArmError
-from winding_arm_driver.rigid import Pose
+from winding_core.arm.kinematics import Arm, ArmError
+from winding_core.arm.rigid import Pose
 
 # Of rounding through the description's decimals [m].
 ROUNDING = 1.0e-9

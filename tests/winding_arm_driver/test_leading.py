@@ -9,7 +9,7 @@ from arms import HOME, mapping_text
 
 from winding_arm_driver.guide import Guided
 from winding_arm_driver.leading import Led
-from winding_arm_driver.mapping import MappingError, parse_mapping
+from winding_core.arm.arm_file import MappingError, parse_mapping
 from winding_core.machine.commands import CARRIAGE, CYLINDER, AxisTarget, JointTargets
 
 PERIOD = 0.008

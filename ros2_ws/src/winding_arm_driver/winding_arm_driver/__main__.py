@@ -15,7 +15,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
 
-from winding_arm_driver.mapping import MappingError, read_mapping
+from winding_core.arm.arm_file import MappingError, read_mapping
+from winding_core.arm.opening import NOT_INSTALLED
 from winding_ros.runtime.process import EXIT_REFUSED
 
 
@@ -35,10 +36,7 @@ def main() -> int:
     except ImportError as error:
         if error.name != "pinocchio":
             raise
-        return _refused(
-            "the arm's kinematics need Pinocchio: install the extra arm "
-            "(pip install 'cable-winding-twin[ros,arm]'), or ros-jazzy-pinocchio"
-        )
+        return _refused(NOT_INSTALLED)
     context = Context()
     rclpy.init(args=sys.argv, context=context, signal_handler_options=SignalHandlerOptions.NO)
     try:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from winding_arm_driver.rigid import Pose
+from winding_core.arm.rigid import Pose
 
 # A chain that is longer leads in a circle.
 _MOST_FRAMES = 1000

@@ -7,16 +7,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from winding_arm_driver.kinematics import Arm, ArmError
-from winding_arm_driver.mapping import Commands
-from winding_arm_driver.rigid import FloatArray, Pose
+from winding_core.arm.kinematics import Arm, ArmError
+from winding_core.arm.arm_file import Commands
+from winding_core.arm.rigid import FloatArray, Pose
 from winding_core.machine.commanded_axis import CommandedAxis, MotionLimits, Target
 from winding_core.machine.commands import CARRIAGE, AxisTarget
 
 # Places at which the arm's reach is looked at are so far apart [m].
 _LOOK = 5.0e-3
-# The guide is slowed down so that no joint goes faster than this share of its limit.
-_SPEED_SHARE = 0.9
 # Rate at which a commanded velocity closes up to the setpoint [1/s]: a quarter of what a dead time
 # of 50 ms would make ring.
 _CLOSING_RATE = 5.0
@@ -184,16 +182,11 @@ class GuideLead:
 
     def _fastest(self, arm: Arm, joints: FloatArray, along: FloatArray) -> float:
         """Return the largest speed [m/s] with which no joint exceeds its own."""
-        speeds = np.abs(arm.speeds(joints, along))
-        shares = [
-            speed / max(joint.speed, 1.0e-9)
-            for speed, joint in zip(speeds, arm.joints, strict=True)
-        ]
-        worst = int(np.argmax(shares))
-        fastest = min(self._limits.speed, _SPEED_SHARE / max(shares[worst], 1.0e-9))
+        allowed, joint = arm.fastest(joints, along)
+        fastest = min(self._limits.speed, allowed)
         if fastest < _SLOWED * self._limits.speed:
             self.remark = (
-                f"the guide is slowed to {fastest:.3g} m/s: {arm.joints[worst].name} would exceed "
-                f"its largest speed of {arm.joints[worst].speed:.3g}, as near a singularity"
+                f"the guide is slowed to {fastest:.3g} m/s: {joint.name} would exceed its largest "
+                f"speed of {joint.speed:.3g}, as near a singularity"
             )
-        return float(fastest)
+        return fastest

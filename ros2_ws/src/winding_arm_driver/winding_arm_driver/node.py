@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from winding_arm_driver.guide import WAIT, Guided
 from winding_arm_driver.leading import Led
-from winding_arm_driver.mapping import (
+from winding_core.arm.arm_file import (
     JOINTS,
     NONE,
     POSE,
@@ -30,7 +30,7 @@ from winding_arm_driver.mapping import (
     ArmMapping,
     MappingError,
 )
-from winding_arm_driver.rigid import Pose
+from winding_core.arm.rigid import Pose
 from winding_core.status import Level, Status
 from winding_ros import services, topics
 from winding_ros.messages.commands import decode_targets

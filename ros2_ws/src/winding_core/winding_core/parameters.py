@@ -100,12 +100,14 @@ class Declaration:
                 return value
         elif isinstance(value, Iterable) and not isinstance(value, str):
             items = list(value)
-            if len(items) == len(wanted) and all(
+            # Where none is the default, any number of them may be given.
+            if (not wanted or len(items) == len(wanted)) and all(
                 isinstance(item, int | float) and not isinstance(item, bool) for item in items
             ):
                 return [float(item) for item in items]
             raise ParameterError(
-                f"{self.title} must be a list of {len(wanted)} numbers, got {_shown(items)}"
+                f"{self.title} must be a list of {len(wanted) or 'any'} numbers, "
+                f"got {_shown(items)}"
             )
         raise ParameterError(f"{self.title} must be a {self.type_name}, got {_shown(value)}")
 

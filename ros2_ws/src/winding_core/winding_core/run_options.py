@@ -81,6 +81,11 @@ class SimulatedMachine:
         PATH,
         option="truth",
     )
+    machine_file: str = parameter(
+        "",
+        "file of the arm that carries the guide of the simulated machine; empty for a carriage",
+        PATH,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

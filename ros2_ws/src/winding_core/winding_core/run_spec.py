@@ -76,7 +76,7 @@ GOAL_OPTIONS = tuple(
     key
     for key, section in SECTION_OF.items()
     if section not in ("page", "graph", "recording")
-    and key not in ("program", "truth", "compose", "weights", "library")
+    and key not in ("program", "truth", "machine_file", "compose", "weights", "library")
 )
 
 

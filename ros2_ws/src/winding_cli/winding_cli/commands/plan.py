@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
-from lay_control_node.planning.lay_plan import FULL_TURN, csv_text, plan_record, plan_turns
+from lay_control_node.planning.lay_plan import FULL_TURN, PERIOD, csv_text, plan_record, plan_turns
 from winding_cli.offline.filled_drum import print_drum
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
@@ -32,6 +32,7 @@ from winding_cli.terminal.record_options import (
     with_options,
 )
 from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_core.arm.opening import check_arm
 from winding_core.units import MILLIMETRE, known
 from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
@@ -100,6 +101,10 @@ def plan(
             help="Wind the plan with the rod as well; on a drum where it is asked for.",
         ),
     ] = None,
+    machine_file: Annotated[
+        str,
+        typer.Option(help="File of an arm that carries the guide: refuse what it cannot do."),
+    ] = "",
     picture: Annotated[Path | None, typer.Option(help="Draw the plan: .png, .svg or .pdf.")] = None,
     json_file: Json = None,
     csv_file: Annotated[
@@ -166,6 +171,8 @@ def plan(
                 planned, laid = plan_with_solver(lambda lag: plan_with(lag=lag), config)
         else:
             planned = plan_with()
+        rows = planned.samples(planned.times(PERIOD))
+        check_arm(machine_file, what, rows.guide, float(np.abs(np.diff(rows.guide)).max()) / PERIOD)
         controlled = _controlled(planned)
     drum_as_planned = None if wound is None else drum_record(planned, wound)
     print_plan(result_console(), planned, laid, controlled, drum_as_planned)

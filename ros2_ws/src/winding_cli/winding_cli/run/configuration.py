@@ -12,6 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cable_fem_node.dynamics.state import SolverError
 from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.expected_cost import falling_behind
@@ -72,6 +74,7 @@ def configured(spec: RunSpec, notes: Mapping[str, str]) -> RunConfig:
             build(parameters_of(RIG), {"lay": spec.simulated_lay}, owner="winding run")
         lead_of(spec)
     _check_drum(spec)
+    _check_arm(spec)
     page = _page_parameters(spec) if spec.page.dashboard else None
     _check_camera(spec)
     label = f"case{what.case.number:02d}" if what.case.number else "own"
@@ -116,14 +119,10 @@ def lead_of(spec: RunSpec) -> float:
     Raises:
         ParameterError: No controller can lay what is wanted.
     """
-    from lay_control_node.ros.parameters import LayControlParameters
-
     if not spec.controlled:
         return 0.0
-    values = {**asdict(spec.condition), **spec.wish}
-    wish = build(LayControlParameters, values, owner="winding run")
     try:
-        controller = wish.new_controller()
+        controller = _wish(spec).new_controller()
     except ValueError as error:
         if spec.lay.program:
             raise ParameterError(f"{spec.source.label('program')}: {error}") from error
@@ -134,7 +133,6 @@ def lead_of(spec: RunSpec) -> float:
 
 def _check_drum(spec: RunSpec) -> None:
     """Refuse a motion that would lay cable beside the drum; that of a real machine is its own."""
-    from lay_control_node.ros.parameters import LayControlParameters
     from winding_core.lay.guide_path import lay_of_drive
 
     what = spec.condition.resolved()
@@ -143,11 +141,43 @@ def _check_drum(spec: RunSpec) -> None:
         return
     theta, z = lay_of_drive(what)
     if driving:
-        values = {**asdict(spec.condition), **spec.wish}
-        program = build(LayControlParameters, values, owner="winding run").wanted(what)
-        z = program.z_at(theta)
+        z = _wish(spec).wanted(what).z_at(theta)
     with spec.source.at("drum:"):
         drum.refuse_beyond(theta, z, what.case.cable_diameter)
+
+
+def _check_arm(spec: RunSpec) -> None:
+    """Refuse a motion on which the arm cannot lead the guide."""
+    from winding_core.arm.opening import check_arm
+    from winding_core.lay.guide_path import lay_of_drive
+
+    file, what = spec.machine.machine_file, spec.condition.resolved()
+    if not file:
+        return
+    theta, z = lay_of_drive(what)
+    places = np.array([what.drive.positions(what.duration)[1]])
+    rise = what.drive.advance_per_radian
+    if spec.controlled and spec.lay.control == "drive":
+        wanted = _wish(spec).wanted(what)
+        z = wanted.z_at(theta)
+        slopes = np.gradient(z, theta)
+        places = z + what.free_length / what.case.centreline_radius * slopes
+        rise = float(np.abs(slopes).max())
+    with spec.source.at("machine_file"):
+        path = check_arm(file, what, places, rise * what.drive.angular_speed)
+        if path is not None and path.varies and spec.simulated_lay != "driven":
+            raise ParameterError(
+                f"lay {spec.simulated_lay} is known ahead for one free length, that of the arm "
+                f"changes: give {spec.source.name('lay')} driven"
+            )
+
+
+def _wish(spec: RunSpec) -> Any:
+    """Return the parameters of the controller of the wanted lay."""
+    from lay_control_node.ros.parameters import LayControlParameters
+
+    values = {**asdict(spec.condition), **spec.wish}
+    return build(LayControlParameters, values, owner="winding run")
 
 
 def _check_camera(spec: RunSpec) -> None:

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from winding_arm_driver.rigid import Pose
+from winding_core.arm.rigid import Pose
 from winding_core.parameters import ParameterError, build, parameter, refuse_unknown
 from winding_core.yaml_text import YamlTextError, load_yaml
 
 JOINTS, POSE, TF = "joints", "pose", "tf"
 NONE, TWIST, TRAJECTORY, POSITIONS = "none", "twist", "trajectory", "positions"
-_SECTIONS = ("cylinder", "guide", "winder_axis", "commands")
+_SECTIONS = ("cylinder", "guide", "winder_axis", "commands", "path")
 Section = TypeVar("Section")
 
 
@@ -94,6 +94,22 @@ class Commands:
 
 
 @dataclass(frozen=True, kw_only=True)
+class SimulatedPath:
+    """How the simulated machine's arm carries the eye: the only section that it alone reads."""
+
+    home_rad: list[float] = parameter(
+        [], "joint positions near the start, with the tool turned as it stays [rad or m]"
+    )
+    along_m: list[float] = parameter([], "places along the axis, ascending, at which a span holds")
+    span_m: list[float] = parameter(
+        [], "free length at those places, linear in between; otherwise the condition's"
+    )
+    clearance_m: float = parameter(
+        0.03, "distance that the arm's links keep from the cylinder", None, 0.0, 1.0
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
 class ArmMapping:
     """A mapping file."""
 
@@ -101,6 +117,7 @@ class ArmMapping:
     guide: Guide  # How it is reported
     winder_axis: WinderAxis  # The machine's frame
     commands: Commands  # Of the arm
+    path: SimulatedPath = field(default_factory=SimulatedPath)  # Of the simulated machine's arm
 
 
 def read_mapping(path: Path) -> ArmMapping:
@@ -133,6 +150,7 @@ def parse_mapping(text: str, folder: Path) -> ArmMapping:
             guide=_section(Guide, top, "guide"),
             winder_axis=_section(WinderAxis, top, "winder_axis"),
             commands=_section(Commands, top, "commands"),
+            path=_section(SimulatedPath, top, "path"),
         )
     except (YamlTextError, ParameterError) as error:
         raise MappingError(str(error)) from None
@@ -149,6 +167,11 @@ def parse_mapping(text: str, folder: Path) -> ArmMapping:
     if not commands.low_m < commands.high_m:
         raise MappingError(
             f"low_m must be less than high_m, got {commands.low_m:g} and {commands.high_m:g}"
+        )
+    along, span = mapping.path.along_m, mapping.path.span_m
+    if len(along) != len(span) or sorted(set(along)) != along or min(span, default=1.0) <= 0.0:
+        raise MappingError(
+            f"along_m must ascend and span_m hold as many positive lengths, got {along} and {span}"
         )
     file = str(folder / guide.urdf) if guide.urdf else ""
     return replace(mapping, guide=replace(guide, urdf=file))

@@ -9,13 +9,17 @@ from typing import NamedTuple
 import numpy as np
 import pinocchio
 
-from winding_arm_driver.rigid import FloatArray, Pose
+from winding_core.arm.rigid import FloatArray, Pose
 
 # A step of the inverse kinematics ends when the tip is so near [m], [rad].
-_NEAR = 1.0e-6
+NEAR = 1.0e-6
 _MOST_STEPS = 30
 # Damping of the least squares, beside singular values of about one: moves little where none is.
 _DAMPING = 1.0e-4
+# A joint may go at this share of its largest speed: the rest is for its servo.
+SPEED_SHARE = 0.9
+# Keeps a quotient finite where a joint does not move, or its description allows no speed.
+_NO_SHARE = 1.0e-9
 
 
 class ArmError(ValueError):
@@ -59,8 +63,10 @@ class Arm:
         self.joints = tuple(self._joint(k) for k in chain if k not in behind)
         if not self.joints:
             raise ArmError(f"no joint moves {tip} in {base}")
+        self._speed_limits = np.array([max(joint.speed, _NO_SHARE) for joint in self.joints])
         self._q = np.array(pinocchio.neutral(self._model))
         kept = [k for k in chain if k not in behind]
+        self._kept = kept
         self._places = [self._model.joints[k].idx_q for k in kept]
         self._rates = [self._model.joints[k].idx_v for k in kept]
 
@@ -68,6 +74,13 @@ class Arm:
         """Return the tip in the base at joint positions [rad or m], shape (joints,)."""
         found = self._moved(q)
         return Pose(position=found.translation.copy(), rotation=found.rotation.copy())
+
+    def links(self, q: FloatArray) -> FloatArray:
+        """Return base, origins of the joints and tip in the base [m], shape (joints + 2, 3)."""
+        end = self._moved(q).translation
+        base = self._data.oMf[self._base]
+        origins = [base.actInv(self._data.oMi[k]).translation for k in self._kept]
+        return np.array([np.zeros(3), *origins, end])
 
     def positions(self, by_name: Mapping[str, float]) -> FloatArray:
         """Return positions by joint name in the order of the joints, shape (joints,).
@@ -89,8 +102,13 @@ class Arm:
         )
         return np.asarray(own[:, self._rates])
 
-    def solved(self, wanted: Pose, q: FloatArray) -> FloatArray:
+    def solved(self, wanted: Pose, q: FloatArray, near: float = NEAR) -> FloatArray:
         """Return joint positions with the tip at a pose in the base, from positions near by.
+
+        Args:
+            wanted: The pose.
+            q: Where the search begins, shape (joints,).
+            near: Distance and turn that are left at most [m], [rad].
 
         Raises:
             ArmError: The pose is out of reach, or a joint's travel ends before.
@@ -99,7 +117,7 @@ class Arm:
         found = np.array(q, dtype=float)
         for _ in range(_MOST_STEPS):
             off = pinocchio.log6(self._moved(found).actInv(aim)).vector
-            if np.abs(off).max() < _NEAR:
+            if np.abs(off).max() < near:
                 break
             slopes = self.jacobian(found)
             normal = slopes.T @ slopes + _DAMPING**2 * np.eye(found.size)
@@ -129,6 +147,17 @@ class Arm:
         own = self.tip(q).rotation.T @ direction
         normal = slopes.T @ slopes + _DAMPING**2 * np.eye(q.size)
         return np.linalg.solve(normal, slopes.T @ np.concatenate([own, np.zeros(3)]))
+
+    def fastest(self, q: FloatArray, direction: FloatArray) -> tuple[float, Joint]:
+        """Return how fast the tip may go [m/s], and the joint that allows no more.
+
+        Args:
+            q: Positions, shape (joints,).
+            direction: Way of the tip in the base for a metre that counts, shape (3,).
+        """
+        shares = np.abs(self.speeds(q, direction)) / self._speed_limits
+        worst = int(np.argmax(shares))
+        return SPEED_SHARE / max(float(shares[worst]), _NO_SHARE), self.joints[worst]
 
     def _moved(self, q: FloatArray) -> pinocchio.SE3:
         pinocchio.framesForwardKinematics(self._model, self._data, self._whole(q))

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from winding_core.cable.cases import Case
 from winding_core.helix import free_length_of, guide_distance_of
 from winding_core.machine.drum import Drum
+from winding_core.machine.readings import GuidePlace
 from winding_rig_node.lay.laid_turns import LaidTurns
 from winding_rig_node.lay.lay_law import LaidPath, LaidPoint, LayTruth, LayView
 from winding_rig_node.lay.lay_on import (
@@ -54,6 +55,9 @@ class DrivenLay:
     length and markers beyond the contact line are forgotten, and what is wound from there on is
     laid anew. Behind P0 the cable is clamped: there nothing is laid either.
 
+    A guide on an arm stands where it is reported, but for one error along the span that makes its
+    first free length the hidden one.
+
     On a drum cable comes to rest on what lies there (`LaidTurns`), and its radius rho with it: the
     guide keeps its distance from the axis, so the span of the next step is sqrt(distance^2 - rho^2)
     long. What pushes cable aside where it lies does not move the end of the span.
@@ -86,6 +90,8 @@ class DrivenLay:
         self.marker_theta[0] = 0.0
         self._contact = contact_at_start()
         self._angle = self._carriage = self._aside = 0.0
+        # By how much the eye stands further along y than is reported, from its first place on [m].
+        self._stands: float | None = None
         if self._turns is not None:
             self._turns.restart()
             self._lie_at(self.case.centreline_radius)
@@ -110,17 +116,22 @@ class DrivenLay:
         """Undeformed cable from P0 to the contact line [m]."""
         return float(self._contact["length"][0])
 
-    def advance(self, angle: float, carriage: float, pull: float) -> None:
+    def advance(
+        self, angle: float, carriage: float, pull: float, guide: GuidePlace | None = None
+    ) -> None:
         """Go on to where both axes stand now.
 
         Args:
             angle: Of the cylinder [rad].
             carriage: Its position [m].
             pull: On the cable at the guide [N].
+            guide: Where the eye is reported across the axis; None where it keeps its place.
 
         Raises:
             ValueError: One of them is not finite.
         """
+        if guide is not None:
+            angle -= self._led_from(guide)
         if not math.isfinite(angle + carriage + pull):
             raise ValueError(
                 f"a lay needs finite numbers, got {angle} rad, {carriage} m and {pull} N"
@@ -193,6 +204,16 @@ class DrivenLay:
         """Have what is laid next lie at a radius [m]."""
         self._cable["rho"] = radius
         self._cable["free_length"] = free_length_of(self._distance, radius)
+
+    def _led_from(self, guide: GuidePlace) -> float:
+        """Take where the eye is reported; return the azimuth at which cable lands from there."""
+        if self._stands is None:
+            # The span is as hidden as that of a carriage: what stands wrong does so throughout.
+            self._stands = guide.y + self.hidden.free_length
+        true = GuidePlace(x=guide.x, y=guide.y - self._stands)
+        self._distance = math.hypot(true.x, true.y)
+        self._lie_at(float(self._cable["rho"][0]))
+        return true.landing(self.case.centreline_radius)
 
     @property
     def _free_length(self) -> float:

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from winding_core.cable.cases import Case
 from winding_core.machine.drum import Drum
+from winding_core.machine.readings import GuidePlace
 
 FloatArray = NDArray[np.float64]
 
@@ -86,13 +87,16 @@ class MotionLay(Protocol):
         """Begin anew with P0 at the contact line of a bare cylinder."""
         ...
 
-    def advance(self, angle: float, carriage: float, pull: float) -> None:
+    def advance(
+        self, angle: float, carriage: float, pull: float, guide: GuidePlace | None = None
+    ) -> None:
         """Go on to where both axes stand now.
 
         Args:
             angle: Of the cylinder [rad].
             carriage: Its position [m].
             pull: On the cable at the guide [N].
+            guide: Where the eye stands across the axis; None where it keeps its place.
         """
         ...
 

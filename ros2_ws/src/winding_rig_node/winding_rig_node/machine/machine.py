@@ -9,8 +9,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.machine.commands import AXES, Command
+from winding_core.machine.commands import AXES, CARRIAGE, Command
 from winding_core.machine.readings import CABLE_TENSION, AxisReading
+from winding_rig_node.machine.arm_guide import ArmGuide, ArmState
 from winding_rig_node.machine.axis import (
     AxisConfig,
     AxisState,
@@ -58,7 +59,7 @@ class Machine:
 
     def __init__(self, config: MachineConfig, rng: np.random.Generator) -> None:
         self.config = config
-        self.state = MachineState()
+        self.state = self._at_start()
         self.faults = Faults()
         self.plausibility = Plausibility(sensor_limits(config))
         self.commander = Commander(config.commands)
@@ -167,7 +168,7 @@ class Machine:
         finished = self.state.phase is Phase.FINISHED
         if self.state.phase is Phase.WINDING or (self._turns() and not finished):
             raise PhaseError("cannot reset while the machine moves; stop it first")
-        self.state = MachineState(sample=self.state.sample)
+        self.state = self._at_start(self.state.sample)
         self.commander = Commander(self.config.commands)
         self.plausibility.config = sensor_limits(self.config)
         self.plausibility.forget()
@@ -183,14 +184,12 @@ class Machine:
         braked = state.phase is Phase.EMERGENCY or (self.hurried and asked_to_stand)
         state.sample += 1
         for index, (axis_config, axis, load, _) in enumerate(self._axes()):
-            advance_axis(
-                axis_config,
-                axis,
-                load=load,
-                dt=_SAMPLE_PERIOD,
-                braked=braked,
-                seen=partial(self._seen, index),
-            )
+            seen = partial(self._seen, index)
+            if index and self._arm is not None:
+                arm, joints = self._arm
+                arm.advance(joints, axis, dt=_SAMPLE_PERIOD, braked=braked, seen=seen)
+                continue
+            advance_axis(axis_config, axis, load=load, dt=_SAMPLE_PERIOD, braked=braked, seen=seen)
         state.drive_sample += 1
         state.full_speed_time += _SAMPLE_PERIOD * state.fraction
         if self.hurried and state.stood_at is None and not self._turns():
@@ -212,7 +211,21 @@ class Machine:
             angular_speed=cylinder.speed,
             carriage_position=carriage.position,
             feed_speed=carriage.speed,
+            guide=None if self.state.arm is None else self.state.arm.place,
         )
+
+    @property
+    def arm_joints(self) -> tuple[tuple[str, ...], tuple[float, ...]]:
+        """Names and measured positions [rad or m] of the arm's joints; none without an arm."""
+        if self._arm is None:
+            return (), ()
+        arm, joints = self._arm
+        return arm.names, tuple(arm.measured(joints).tolist())
+
+    @property
+    def remark(self) -> str:
+        """Why the guide is slower than it was asked to be; else empty."""
+        return "" if self.state.arm is None else self.state.arm.remark
 
     def setpoints(self) -> AxisReading:
         """Return what the controllers are asked for now."""
@@ -236,6 +249,16 @@ class Machine:
         step = self.config.force_resolution
         reading = self.faults.through(LOAD_CELL_SIGNAL, self.time, step * round(noisy / step))
         return self.plausibility.tension(self.time, reading)
+
+    def _at_start(self, sample: int = 0) -> MachineState:
+        arm = self.config.arm
+        return MachineState(sample=sample, arm=None if arm is None else arm.at_start())
+
+    @property
+    def _arm(self) -> tuple[ArmGuide, ArmState] | None:
+        if self.config.arm is None or self.state.arm is None:
+            return None
+        return self.config.arm, self.state.arm
 
     def _turns(self) -> bool:
         return self.state.cylinder.motor.speed != 0.0 or self.state.carriage.motor.speed != 0.0
@@ -306,6 +329,18 @@ class Machine:
             setpoint, acceleration = self._setpoints.advance(
                 name, axis.encoder.position, period, hurried=self.hurried
             )
+            open_loop = state.phase is Phase.PROTECTIVE
+            if name == CARRIAGE and self._arm is not None:
+                arm, joints = self._arm
+                arm.control(
+                    joints,
+                    axis,
+                    setpoint=setpoint,
+                    acceleration=acceleration,
+                    dt=period,
+                    open_loop=open_loop,
+                )
+                continue
             control_axis(
                 axis_config,
                 axis,
@@ -313,7 +348,7 @@ class Machine:
                 acceleration=acceleration,
                 dt=period,
                 load=load,
-                open_loop=state.phase is Phase.PROTECTIVE,
+                open_loop=open_loop,
             )
 
     def _judge(self) -> None:
@@ -329,9 +364,13 @@ class Machine:
                 AxisObservation(
                     commanded=axis.setpoint,
                     measured=axis.encoder.speed,
-                    modelled=modelled_speed(config, axis, load=load),
+                    modelled=(
+                        modelled_speed(config, axis, load=load)
+                        if self._arm is None or signal != CARRIAGE_ENCODER_SIGNAL
+                        else self._arm[0].modelled_speed(self._arm[1])
+                    ),
                 )
-                for config, axis, load, _ in self._axes()
+                for config, axis, load, signal in self._axes()
             ),
         )
         if reason is not None:

@@ -8,6 +8,7 @@ from enum import Enum
 
 from winding_core.cable.cases import Case
 from winding_core.machine.drive import PAPER_FEED_SPEED, DriveProfile
+from winding_rig_node.machine.arm_guide import ArmGuide, ArmState
 from winding_rig_node.machine.axis import (
     CARRIAGE_ENCODER,
     CARRIAGE_MOTOR,
@@ -68,6 +69,7 @@ class MachineConfig:
     duration: float  # Of the drive programme, after which a run is finished [s]
     cylinder: AxisConfig = CYLINDER_AXIS  # Rotating axis, see `cylinder_axis`
     carriage: AxisConfig = CARRIAGE_AXIS  # Traversing axis
+    arm: ArmGuide | None = None  # What carries the guide in its place
     force_noise: float = 0.01  # One standard deviation of the load cell [N]
     force_resolution: float = 0.001  # Step of its converter [N]
     settling_time: float = 0.1
@@ -145,7 +147,8 @@ class MachineState:
     tension: float | None = None  # Last load cell sample [N]; None when it was invalid
     origins: dict[str, float] = field(default_factory=dict)
     cylinder: AxisState = field(default_factory=AxisState)  # Its axis, in radians
-    carriage: AxisState = field(default_factory=AxisState)  # Its axis, in metres
+    carriage: AxisState = field(default_factory=AxisState)  # Its axis, or the arm's eye, in metres
+    arm: ArmState | None = None  # What carries the eye; None for a carriage
 
     @property
     def time(self) -> float:

@@ -194,10 +194,13 @@ class MachineLoop:
                 continue
             deadline = self._wait_for_deadline(deadline)
             with self._changed:
-                known = machine.state.reason
+                known, remarked = machine.state.reason, machine.remark
                 self._step()
             if machine.state.reason != known:
                 self._warn(f"stopped both axes: {machine.state.reason}")
+            # Numbers in a remark change from step to step: it is logged when it begins.
+            if machine.remark and not remarked:
+                self._warn(machine.remark)
             self._emit()
             if machine.state.phase is Phase.FINISHED:
                 self._finished()
@@ -208,7 +211,8 @@ class MachineLoop:
         if self._lay is not None:
             state = self.machine.state
             angle, carriage = state.cylinder.motor.position, state.carriage.motor.position
-            self._lay.advance(angle, carriage, self.machine.pull)
+            guide = None if state.arm is None else state.arm.true_place
+            self._lay.advance(angle, carriage, self.machine.pull, guide)
 
     def _check_supervisor(self) -> None:
         limit = self._wanted.supervisor_timeout

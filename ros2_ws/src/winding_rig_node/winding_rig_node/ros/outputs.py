@@ -50,7 +50,7 @@ class Outputs:
         t, sample = machine.time, machine.state.drive_sample
         if due(sample, topics.CLOCK):
             self.clock(t)
-        self.joints(topics.JOINT_STATES, t, machine.reading())
+        self.joints(topics.JOINT_STATES, t, machine.reading(), *machine.arm_joints)
         if due(sample, topics.JOINT_COMMANDS):
             self.joints(topics.JOINT_COMMANDS, t, machine.setpoints())
         self.measured(t, sample, machine.sensors)
@@ -63,11 +63,18 @@ class Outputs:
             if np.isfinite(claimed) and 0.0 <= claimed < 2.0**31:
                 self._publish(topics.CLOCK, encode_clock(claimed))
 
-    def joints(self, topic: Topic, t: float, reading: AxisReading) -> None:
-        """Publish both axes, as measured or as commanded."""
+    def joints(
+        self,
+        topic: Topic,
+        t: float,
+        reading: AxisReading,
+        names: tuple[str, ...] = (),
+        positions: tuple[float, ...] = (),
+    ) -> None:
+        """Publish both axes, as measured or as commanded, and joints of an arm [rad or m]."""
         for stamp, values in self._through(topic, t, lambda: np.array(reading.numbers)):
             sent = reading if values is None else _with_numbers(reading, values)
-            self._publish(topic, encode_joint_state(stamp, sent))
+            self._publish(topic, encode_joint_state(stamp, sent, names, positions))
 
     def measured(
         self, t: float, sample: int, sensors: Mapping[str, Callable[[], float | None]]
@@ -153,7 +160,8 @@ def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Sta
     unseen = ""
     if known_lay and (commander.axes or commander.brake is not None):
         unseen = f"the camera shows lay {known_lay!r}, which does not follow commands"
-    level = Level.WARN if state.reason or faults or commander.refusal or unseen else Level.OK
+    doubts = state.reason or faults or commander.refusal or unseen or machine.remark
+    level = Level.WARN if doubts else Level.OK
     if state.phase in (Phase.EMERGENCY, Phase.PROTECTIVE):
         level = Level.ERROR
     values = {
@@ -184,7 +192,13 @@ def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Sta
         name=topics.RIG,
         level=level,
         message=": ".join(
-            filter(None, (state.phase.value, state.reason or commander.refusal or unseen))
+            filter(
+                None,
+                (
+                    state.phase.value,
+                    state.reason or machine.remark or commander.refusal or unseen,
+                ),
+            )
         ),
         values=values,
     )

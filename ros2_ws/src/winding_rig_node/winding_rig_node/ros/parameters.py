@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,6 +22,9 @@ from winding_rig_node.lay.known_lay import (
 )
 from winding_rig_node.lay.lay_law import MOTION_LAYS
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
+
+if TYPE_CHECKING:
+    from winding_core.arm.arm_path import ArmPath
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,25 +138,36 @@ class RigParameters(SimulatedCamera, SimulatedMachine, MarkerLook, DrumShape, Co
             raise ValueError(f"frame_rate must be 200 or 1000 Hz, got {self.frame_rate}")
         return 1000 // self.frame_rate
 
-    def command_limits(self) -> CommandLimits:
-        """Return what outside commanders may ask of the machine.
+    def command_limits(self, arm: ArmPath | None = None) -> CommandLimits:
+        """Return what outside commanders may ask of the machine, and of an arm that leads the guide.
 
         Raises:
             ValueError: The carriage's travel or the brake's limits end before they begin.
         """
+        carriage = replace(
+            CARRIAGE_LIMITS,
+            speed=self.carriage_speed_limit,
+            acceleration=self.carriage_acceleration_limit,
+            low=self.carriage_travel[0],
+            high=self.carriage_travel[1],
+        )
+        if arm is not None:
+            commands = arm.mapping.commands
+            low, high = (arm.reach(end)[0] for end in (commands.low_m, commands.high_m))
+            carriage = replace(
+                carriage,
+                speed=commands.speed_m_s,
+                acceleration=commands.acceleration_m_s2,
+                low=low,
+                high=high,
+            )
         return CommandLimits(
             cylinder=replace(
                 CYLINDER_LIMITS,
                 speed=self.cylinder_speed_limit,
                 acceleration=self.cylinder_acceleration_limit,
             ),
-            carriage=replace(
-                CARRIAGE_LIMITS,
-                speed=self.carriage_speed_limit,
-                acceleration=self.carriage_acceleration_limit,
-                low=self.carriage_travel[0],
-                high=self.carriage_travel[1],
-            ),
+            carriage=carriage,
             low_tension=self.brake_limits[0],
             high_tension=self.brake_limits[1],
             brake_time=self.brake_time,

@@ -28,10 +28,22 @@ _DOUBLE = struct.Struct("<d")
 _NUMBERS = {"double": _DOUBLE, "float": struct.Struct("<f")}
 
 
-def encode_joint_state(t: float, reading: AxisReading) -> bytes:
-    """Return both axes as the CDR bytes of a JointState stamped t [s], and the guide's place."""
+def encode_joint_state(
+    t: float,
+    reading: AxisReading,
+    names: tuple[str, ...] = (),
+    positions: tuple[float, ...] = (),
+) -> bytes:
+    """Return both axes as the CDR bytes of a JointState, and the guide's place.
+
+    Args:
+        t: Its stamp [s].
+        reading: The axes.
+        names: Further joints, such as those of an arm.
+        positions: Where they stand [rad or m], shape (names,).
+    """
     guide = reading.guide
-    template, layout = _joint_state_template(guide is not None)
+    template, layout, further = _joint_state_template(guide is not None, names)
     into, message = _DOUBLE.pack_into, template.stamped(t)
     cylinder, carriage = layout.positions
     fast, slow = layout.velocities
@@ -44,18 +56,23 @@ def encode_joint_state(t: float, reading: AxisReading) -> bytes:
     if guide is not None and layout.guide is not None:
         into(message, layout.guide[0], guide.x)
         into(message, layout.guide[1], guide.y)
+    for k, position in enumerate(positions):
+        into(message, further + k * _DOUBLE.size, position)
     return bytes(message)
 
 
 @cache
-def _joint_state_template(guided: bool) -> tuple[Template, JointStateLayout]:
-    """Return the message, with the guide's place or without, and where its numbers stand."""
-    names = [CYLINDER_JOINT, CARRIAGE_JOINT, *(GUIDE_JOINTS if guided else ())]
-    zeros = [0.0] * len(names)
-    message = JointState(name=names, position=zeros, velocity=zeros)
+def _joint_state_template(
+    guided: bool, further: tuple[str, ...]
+) -> tuple[Template, JointStateLayout, int]:
+    """Return the message, where its numbers stand, and where further positions begin."""
+    own = [CYLINDER_JOINT, CARRIAGE_JOINT, *(GUIDE_JOINTS if guided else ())]
+    zeros = [0.0] * (len(own) + len(further))
+    message = JointState(name=[*own, *further], position=zeros, velocity=zeros)
     message.header.frame_id = BASE_FRAME
     template = Template.of(message)
-    return template, JointStateLayout.of(template.data, (CYLINDER_JOINT, CARRIAGE_JOINT))
+    layout = JointStateLayout.of(template.data, (CYLINDER_JOINT, CARRIAGE_JOINT))
+    return template, layout, layout.positions[0] + len(own) * _DOUBLE.size
 
 
 def decode_joint_state(message: JointState) -> tuple[float, AxisReading]:

@@ -100,8 +100,9 @@ class RunConfig:
     def _rig_parameters(self) -> dict[str, object]:
         spec = self.spec
         asked = declared_in(parameters_of(RIG), spec.asked("machine"))
-        if spec.machine.truth_file:
-            asked["truth_file"] = str(Path(spec.machine.truth_file).absolute())
+        for name in ("truth_file", "machine_file"):
+            if file := getattr(spec.machine, name):
+                asked[name] = str(Path(file).absolute())
         if spec.camera.compose:
             asked["camera_elsewhere"] = True
         paced = ",".join(topic.name for topic in pace_topics(self.graph))
