@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from winding_arm_driver.frames import FrameTree
-from winding_core.arm.kinematics import Arm
 from winding_arm_driver.leading import GuideLead, Led
 from winding_core.arm.arm_file import ArmMapping
+from winding_core.arm.kinematics import Arm
 from winding_core.arm.rigid import FloatArray, Pose
 from winding_core.machine.commands import CARRIAGE, JointTargets
 from winding_core.machine.joining import Joiner

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.machine.axes import MachineAxes
 from winding_core.run_options import CameraPlacement
+
+if TYPE_CHECKING:
+    from winding_core.arm.arm_path import ArmPath
 
 # Frames as the graph's messages name them.
 BASE, CYLINDER, GUIDE = "winder_axis", "cylinder", "guide"
@@ -116,6 +122,7 @@ def machine_urdf(
     axes: MachineAxes,
     camera: CameraPlacement | None = None,
     carriage: CarriageLimits | None = None,
+    arm: ArmPath | None = None,
 ) -> str:
     """Return the machine's URDF; its joints take the positions of rig/joint_states as they come.
 
@@ -129,6 +136,7 @@ def machine_urdf(
         axes: Joint names, signs and offsets.
         camera: Where the camera stands; None for a machine without one.
         carriage: What the carriage can do; its travel is drawn out to where the run takes it.
+        arm: What carries the guide in its place; its own description becomes a part of this one.
     """
     limits = carriage or CarriageLimits()
     # Most programs that know the frames write no description.
@@ -165,9 +173,27 @@ def machine_urdf(
         speed=max(abs(what.drive.feed_speed), axes.carriage_speed, limits.speed),
         drum=_drum(case.cylinder_radius, length), eye=_ball(_CARRIAGE_MASS, eye),
         housing=_drum(0.017, 0.05), small=_ball(1.0e-3, 0.05), quarter_turn=0.5 * math.pi,
-        camera=camera,
+        camera=camera, arm=None if arm is None else _arm(arm),
         camera_rpy=_roll_pitch_yaw(_FACING @ _rotation(camera.camera_tilt)) if camera else None,
     )  # fmt: skip
+
+
+def _arm(path: ArmPath) -> dict[str, object]:
+    """Return the arm's description, and where it stands and carries the guide."""
+    from markupsafe import Markup  # noqa: PLC0415
+
+    guide = path.mapping.guide
+    root = ElementTree.fromstring(Path(guide.urdf).read_text(encoding="utf-8"))
+    base, eye = path.base, path.guide
+    return {
+        "links": Markup("\n".join(ElementTree.tostring(part, "unicode") for part in root)),
+        "base": guide.base,
+        "tip": guide.tip,
+        "base_xyz": base.position.tolist(),
+        "base_rpy": _roll_pitch_yaw(base.rotation),
+        "eye_xyz": eye.position.tolist(),
+        "eye_rpy": _roll_pitch_yaw(eye.rotation),
+    }
 
 
 def _rotation(vector: ArrayLike) -> NDArray[np.float64]:

@@ -42,6 +42,9 @@ def graph(
     camera: Annotated[
         bool, typer.Option("--camera/--no-camera", help="Whether an external machine has one.")
     ] = True,
+    machine_file: Annotated[
+        str, typer.Option(help="File of the arm that carries the guide, for --urdf.")
+    ] = "",
     control: Annotated[
         bool, typer.Option("--control", help="The policy's run has a wanted lay.")
     ] = False,
@@ -56,6 +59,7 @@ def graph(
     ] = False,
 ) -> None:
     """Show the nodes, their topics and who listens."""
+    from winding_core.arm.opening import open_arm
     from winding_core.cable.condition import Condition
     from winding_core.machine.axes import MachineAxes
     from winding_core.run_options import CameraPlacement
@@ -66,7 +70,9 @@ def graph(
     if urdf:
         with refused(ValueError):
             what = Condition.from_typed({"case": case}, spelling=spelled).resolved()
-        print(machine_urdf(what, MachineAxes(), CameraPlacement()), end="")
+            arm = open_arm(machine_file, what)
+            description = machine_urdf(what, MachineAxes(), CameraPlacement(), arm=arm)
+        print(description, end="")
     elif sros2:
         if machine not in ("simulated", "external"):
             refuse(f"--machine must be simulated or external, got {machine}")

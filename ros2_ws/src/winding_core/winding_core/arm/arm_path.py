@@ -60,6 +60,16 @@ class ArmPath:
         self.start = self.arm.solved(self.tip_at(0.0), home)
 
     @property
+    def base(self) -> Pose:
+        """The arm's base in `winder_axis`."""
+        return self._seen
+
+    @property
+    def guide(self) -> Pose:
+        """The eye in the tip, its axes those of `winder_axis` while the tool is turned as it is."""
+        return Pose(position=self._eye, rotation=self._turn.T @ self._axis.rotation)
+
+    @property
     def varies(self) -> bool:
         """Whether the free length changes along the way."""
         return len(set(self.mapping.path.span_m)) > 1
@@ -114,7 +124,12 @@ class ArmPath:
         return end, ""
 
     def joints_at(self, along: float, near: FloatArray, within: float = NEAR) -> FloatArray:
-        """Return joint positions with the eye at a place [m] within some way [m], from those near by.
+        """Return joint positions with the eye at a place, from those near by.
+
+        Args:
+            along: The place along the axis [m].
+            near: Joint positions [rad or m], shape (joints,).
+            within: Distance and turn that are left at most [m], [rad].
 
         Raises:
             ArmError: The arm does not reach it.

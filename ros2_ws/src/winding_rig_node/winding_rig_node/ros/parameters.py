@@ -139,7 +139,7 @@ class RigParameters(SimulatedCamera, SimulatedMachine, MarkerLook, DrumShape, Co
         return 1000 // self.frame_rate
 
     def command_limits(self, arm: ArmPath | None = None) -> CommandLimits:
-        """Return what outside commanders may ask of the machine, and of an arm that leads the guide.
+        """Return what outside commanders may ask of the machine, and of its arm.
 
         Raises:
             ValueError: The carriage's travel or the brake's limits end before they begin.

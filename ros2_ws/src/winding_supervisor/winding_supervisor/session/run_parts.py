@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rclpy.node import Node
 from std_msgs.msg import String
 
+from winding_core.arm.opening import open_arm
 from winding_core.parameters import build
 from winding_core.run_options import CameraPlacement
 from winding_core.trace import TRACE_DTYPE, usable_records
@@ -112,7 +113,10 @@ def describe_machine(
     wound: Any = build(parameters_of(spec), configured[spec.name], owner=spec.name)
     try:
         camera = wound if isinstance(wound, CameraPlacement) else None
-        urdf = machine_urdf(wound.resolved(), wound, camera, _carriage_limits(config, configured))
+        what = wound.resolved()
+        arm = open_arm(config.spec.machine.machine_file, what)
+        limits = _carriage_limits(config, configured)
+        urdf = machine_urdf(what, wound, camera, limits, arm)
     except ValueError as error:
         report(f"no {ROBOT_DESCRIPTION.name}: {error}")
         return
