@@ -46,6 +46,9 @@ FAILED: dict[str, Any] = {"verdict": "failed", "code": 1}
 MACHINE: dict[str, Any] = {**FAILED, "ended_by": "machine", "foreign": True}
 OPERATED: dict[str, Any] = {"options": ("--dashboard",)}
 RECORDED: dict[str, Any] = {"options": ("--bag", "bag")}
+ARM: dict[str, Any] = {
+    "options": ("--machine-file", str(DRIVER.parent / "arm" / "arm.yaml"), "--lay", "driven")
+}
 KINDS = {
     "the end": Kind(sentence=r"^completed: 0\.69 of 0\.69 turns, 3\.00 of 3\.00 s"),
     "SIGINT": Kind(
@@ -59,6 +62,18 @@ KINDS = {
     "the machine's process dies": Kind(
         faults=("0.9 kill winding_rig",), ended_by="supervision", **FAILED, **RECORDED,
         sentence="^ended by supervision after .*: winding_rig ended with exit code -9",
+    ),
+    "SIGINT with an arm": Kind(
+        faults=("1.1 signal INT",), ended_by="signal", verdict="incomplete", code=130, **ARM,
+        sentence="^ended by a signal after .* of 0.69 turns.*: SIGINT came$",
+    ),
+    "the process of a machine with an arm dies": Kind(
+        faults=("0.9 kill winding_rig",), ended_by="supervision", **FAILED, **ARM,
+        sentence="^ended by supervision after .*: winding_rig ended with exit code -9",
+    ),
+    "the guide's encoders of an arm stick": Kind(
+        faults=(f"0.7 {SET} carriage_encoder:stuck",), ended_by="machine", duration=6.0, **FAILED,
+        **ARM, sentence="^ended by the machine .*carriage encoder is stuck",
     ),
     "a load cell without readings": Kind(
         faults=(f"0.7 {SET} load_cell:garbage",), ended_by="machine", duration=6.0, **FAILED,

@@ -18,8 +18,8 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory
 
-from winding_core.arm.arm_file import ArmMapping, parse_mapping
 from winding_arm_driver.node import ArmDriverNode
+from winding_core.arm.arm_file import ArmMapping, parse_mapping
 from winding_core.arm.rigid import Pose
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.commands import CARRIAGE, AxisTarget, JointTargets

@@ -128,7 +128,8 @@ def lead_of(spec: RunSpec) -> float:
             raise ParameterError(f"{spec.source.label('program')}: {error}") from error
         spec.source.refuse("lay:", error)
     what = spec.condition.resolved()
-    return controller.wanted.at(0.0).slope * what.free_length / what.case.centreline_radius
+    slope: float = controller.wanted.at(0.0).slope
+    return slope * what.free_length / what.case.centreline_radius
 
 
 def _check_drum(spec: RunSpec) -> None:

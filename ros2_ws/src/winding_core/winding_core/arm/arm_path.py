@@ -190,7 +190,10 @@ class ArmPath:
             )
 
     def _places(self, end: float) -> list[float]:
-        return np.linspace(0.0, end, max(2, math.ceil(abs(end) / _LOOK) + 1)).tolist()
+        places: list[float] = np.linspace(
+            0.0, end, max(2, math.ceil(abs(end) / _LOOK) + 1)
+        ).tolist()
+        return places
 
     def _distance(self, joints: FloatArray, low: float, high: float) -> float:
         """Return how near the links come to the axis between two places on it [m]."""

@@ -29,7 +29,8 @@ def open_arm(file: str, what: ResolvedCondition) -> ArmPath | None:
         what: Is wound.
 
     Raises:
-        ValueError: File, description or start cannot be used, or Pinocchio is not installed.
+        MappingError: The file cannot be used, or Pinocchio is not installed.
+        ValueError: Description or start cannot be used.
     """
     if not file:
         return None
