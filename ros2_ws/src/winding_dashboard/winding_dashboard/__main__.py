@@ -17,6 +17,7 @@ from rclpy.parameter import Parameter
 from starlette.applications import Starlette
 
 from winding_core.parameters import ParameterError
+from winding_dashboard.drawings.arm_view import ArmView
 from winding_dashboard.node import DashboardNode
 from winding_dashboard.page.commands import CommandError
 from winding_dashboard.page.recipes import Recipes
@@ -76,7 +77,13 @@ def serve(node: DashboardNode) -> None:
     )
     templates = Templates()
     snapshots = Snapshots(
-        node.state, session, RunList(folder), templates.part, time.monotonic, secrets.token_hex(4)
+        node.state,
+        session,
+        RunList(folder),
+        templates.part,
+        time.monotonic,
+        secrets.token_hex(4),
+        ArmView(parameters.machine_file),
     )
 
     async def look() -> None:

@@ -69,7 +69,11 @@ class RigNode(ManagedNode[RigParameters]):
         hear_heartbeat(self, topics.ORCHESTRATOR, self._note_supervisor)
 
     def configure(self) -> None:
-        """Build machine, lay and camera, unless that runs elsewhere; advertise everything."""
+        """Build machine, lay and camera, unless that runs elsewhere; advertise everything.
+
+        Raises:
+            ValueError: The arm cannot be used, or the lay does not follow its span.
+        """
         wanted = self.configuration
         what = wanted.resolved()
         case, drive = what.case, what.drive

@@ -117,7 +117,8 @@ def meaning(config: RunConfig) -> Iterator[tuple[str, str]]:
     label, speed = WoundLabel.of(what), what.drive.angular_speed
     name = f"case {label.case}" if label.case else "an own condition"
     yield "wound", f"{name}: {label.sentence}, {speed:g} rad/s for {what.duration:g} s"
-    machine = f"simulated, its cable lies as {spec.simulated_lay}"
+    arm = ", its guide on an arm" if spec.machine.machine_file else ""
+    machine = f"simulated{arm}, its cable lies as {spec.simulated_lay}"
     if config.machine is not None:
         turns = config.machine.end_angle / (2.0 * math.pi)
         machine = f"external, begins by {spec.machine.start}, ends after {turns:.2f} turns"

@@ -247,6 +247,8 @@ def _page_parameters(spec: RunSpec) -> dict[str, object]:
             own = parameters_for(file, f"/{namespace}/{PAGE.name}")
             values |= declared_in(parameters_of(PAGE), own)
         values |= declared_in(CameraPlacement, spec.asked("camera")) | spec.asked("limits")
+        if spec.machine.machine_file:
+            values["machine_file"] = str(Path(spec.machine.machine_file).absolute())
         if "dashboard_port" in spec.given:
             values["port"] = spec.page.dashboard_port
         page: Any = build(parameters_of(PAGE), values, owner=PAGE.name)

@@ -15,10 +15,12 @@ from correction_node.models.factor_models import ProcessModel
 from correction_node.models.weights import load_factor, weights_directory
 from winding_cli.run.laid_cable import last_cable, recorded_outcome
 from winding_cli.run.outcome import run_outcome
+from winding_core.arm.opening import open_arm
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
 from winding_core.cable.material_report import MaterialReport
 from winding_core.helix import curve_length
+from winding_core.machine.readings import AxisReading
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import Value, declarations, declared_in
 from winding_core.run_options import OperatorLimits, SolverOptions
@@ -129,7 +131,9 @@ def run_record(
         )
         for marker in range(1, case.marker_count + 1)
     )
+    arm = _arm_links(str(rig.get("machine_file", "")), what, measured)
     return RunRecord(
+        arm=arm,
         case=case,
         drive=what.drive,
         cylinder_speed=_signal(measured, attrgetter("angular_speed")),
@@ -240,6 +244,23 @@ def _series(
         stamps.append(np.full(len(seen), t - buffer.origin))
     joined = np.concatenate(rows) if rows else np.zeros(0, dtype=dtype)
     return MarkerSeries.of_records(np.concatenate(stamps) if stamps else np.zeros(0), joined)
+
+
+def _arm_links(
+    file: str, what: ResolvedCondition, measured: list[tuple[float, AxisReading]]
+) -> NDArray[np.float64] | None:
+    """Return the arm at the first and the last place of its eye; see `RunRecord`."""
+    try:
+        path = open_arm(file, what)
+        if path is None or not measured:
+            return None
+        found, joints = [path.links(path.start)], path.start
+        for _, reading in measured[:: max(1, len(measured) // 50)] + measured[-1:]:
+            joints = path.joints_at(reading.carriage_position, joints)
+    except ValueError:
+        # A recording outlives the file of its arm; the report of a run lacks a picture then.
+        return None
+    return np.array([*found, path.links(joints)])
 
 
 def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:

@@ -22,11 +22,17 @@ NOT_INSTALLED = (
 
 
 def open_arm(file: str, what: ResolvedCondition) -> ArmPath | None:
+    """Return the way on which an arm carries the guide of a condition; see `arm_beside`."""
+    return arm_beside(file, what.case.centreline_radius, what.free_length)
+
+
+def arm_beside(file: str, radius: float, free_length: float) -> ArmPath | None:
     """Return the way on which an arm carries the guide; None without a file.
 
     Args:
         file: Of the arm, see docs/arm.md; empty for a linear carriage.
-        what: Is wound.
+        radius: Of the centre line of cable on the cylinder [m].
+        free_length: Of the span where the file gives none [m].
 
     Raises:
         MappingError: The file cannot be used, or Pinocchio is not installed.
@@ -43,7 +49,7 @@ def open_arm(file: str, what: ResolvedCondition) -> ArmPath | None:
         raise MappingError(NOT_INSTALLED) from None
     if not mapping.guide.urdf:
         raise MappingError(f"{file}: a simulated arm needs the urdf of guide")
-    made: ArmPath = arm_path.ArmPath(mapping, what.case.centreline_radius, what.free_length)
+    made: ArmPath = arm_path.ArmPath(mapping, radius, free_length)
     return made
 
 

@@ -18,6 +18,7 @@ from winding_core.lay.errors import turn_errors
 from winding_core.lay.records import ControlMode
 from winding_core.parameters import shown_values
 from winding_core.run_options import OperatorLimits
+from winding_dashboard.drawings.arm_view import ArmView
 from winding_dashboard.drawings.camera_overlay import camera_overlay, measured_count
 from winding_dashboard.drawings.cylinder_view import Sight, cylinder_drawing, tension_ends
 from winding_dashboard.drawings.lay_charts import (
@@ -70,6 +71,7 @@ class Snapshots:
     render: Render  # Makes a part of the page from the name of its template and what it shows
     clock: Callable[[], float]  # Wall time [s] as the state's `health` gets it
     server: str  # Name of this server; another one counts from zero
+    arm: ArmView = field(default_factory=ArmView)  # Draws what carries the guide
 
     def __post_init__(self) -> None:
         self._sequence = 0
@@ -174,6 +176,7 @@ class Snapshots:
                 "overlay", {"size": _picture_size(state), "drawing": camera_overlay(state)}
             ),
             "tension-scale": self.render("scale", {"ends": tension_ends(state)}),
+            "arm": self.arm.svg(state),
         }
 
     def _chart_parts(self) -> dict[str, str]:
@@ -230,6 +233,7 @@ class Snapshots:
         return {
             "recording": not state.recording(now).get("bag"),
             "control-card": not control,
+            "arm-card": not self.arm.file,
             "layers": not state.control.layer_turns,
             "helix-card": control or not len(state.lay),
             "runs-card": self.runs.folder is None,

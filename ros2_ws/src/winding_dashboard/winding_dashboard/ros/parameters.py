@@ -38,6 +38,9 @@ class DashboardParameters(CameraPlacement, MachineAxes, OperatorLimits):
         "", "folder whose runs are listed with verdict and report; empty for no list"
     )
 
+    machine_file: str = parameter(
+        "", "file of the arm that carries the guide and is drawn; empty for a carriage"
+    )
     nodes: str = parameter(
         "",
         "names of the graph's nodes in the order of activation, with commas between; empty for "

@@ -166,6 +166,8 @@ class RunRecord(AxisSpeeds):
         lay: What became of the wanted lay; None for a run without a controller of the lay.
         cable: The predicted cable at the end; None where the solver published none.
         rod: Markers as the rod predicted them ahead of the run; empty where it is the element.
+        arm: Base, joints and eye of the arm that carried the guide at its first and its last place,
+            in `winder_axis` [m], shape (2, points, 3); None for a carriage.
     """
 
     case: Case  # What was wound
@@ -190,6 +192,7 @@ class RunRecord(AxisSpeeds):
     element: str = "rod"  # That predicted
     rod: MarkerSeries = field(default_factory=MarkerSeries.empty)
     material: MaterialReport | None = None  # As the markers determine it, at the end
+    arm: NDArray[np.float64] | None = None
 
     @property
     def marker_ids(self) -> tuple[int, ...]:

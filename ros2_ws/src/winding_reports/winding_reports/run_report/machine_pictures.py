@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from winding_core.units import MILLIMETRE, MILLINEWTON, MILLISECOND
 from winding_reports.documents.picture import (
     FAINT,
+    INK,
     PALE,
     PREDICTED,
     Picture,
@@ -98,6 +100,39 @@ def tension_picture(record: RunRecord) -> Picture:
             f"{record.tension.value.std() / MILLINEWTON:.1f} mN."
         )
     return picture(figure, "Tension", caption)
+
+
+def arm_picture(links: NDArray[np.float64], radius: float) -> Picture:
+    """Return the arm at both ends of its way, along the cylinder's axis and from where cable lands.
+
+    Args:
+        links: Base, joints and eye in `winder_axis` [m], shape (2, points, 3).
+        radius: Of the cylinder [m].
+    """
+    with canvas(3.4, columns=2) as (figure, (side, plan)):
+        first, last = links / MILLIMETRE
+        way = last[-1, 2] - first[-1, 2]
+        circle = radius / MILLIMETRE * np.exp(1j * np.linspace(0.0, 2.0 * np.pi, 73))
+        side.fill(circle.imag, circle.real, color=FAINT)
+        plan.fill_between(
+            circle.imag[[18, 54]], -0.1 * way, 1.1 * way, color=FAINT, label="cylinder"
+        )
+        for points, colour, name in ((first, PALE, "start"), (last, PREDICTED, "end")):
+            x, y, z = points.T
+            side.plot(y, x, color=colour, marker="o", markersize=3.5)
+            plan.plot(y, z, color=colour, marker="o", markersize=3.5, label=f"at the {name}")
+            side.plot((y[-1], 0.0), (x[-1], x[-1]), color=INK, linewidth=0.8)
+        side.set_title("along the axis: y and x, mm")
+        plan.set_title("from where cable lands: y and z, mm")
+        plan.legend(loc="lower left")
+        for axes in (side, plan):
+            axes.set_aspect("equal", adjustable="datalim")
+    return picture(
+        figure,
+        "The arm",
+        "Base, joints and eye of the arm that carried the guide, and the span from the eye to the "
+        f"cylinder. The eye went {way:.1f} mm along the axis.",
+    )
 
 
 def _mean_over(t: np.ndarray, value: np.ndarray, span: float) -> tuple[np.ndarray, np.ndarray]:

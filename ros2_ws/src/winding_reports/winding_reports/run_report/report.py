@@ -15,6 +15,7 @@ from winding_reports.records.run_record import MarkerRow, RunRecord
 from winding_reports.run_report.cable_pictures import cable_picture
 from winding_reports.run_report.lay_section import lay_section
 from winding_reports.run_report.machine_pictures import (
+    arm_picture,
     speeds_picture,
     tension_picture,
     trace_picture,
@@ -46,6 +47,7 @@ def render_report(record: RunRecord) -> str:
         marker_picture(record),
         speeds_picture(record),
         tension_picture(record),
+        *([] if record.arm is None else [arm_picture(record.arm, record.case.cylinder_radius)]),
         *([] if record.trace is None else [trace_picture(record.trace)]),
     ]
     lay = None if record.lay is None else lay_section(record.lay)
