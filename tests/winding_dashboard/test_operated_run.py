@@ -87,7 +87,7 @@ def test_own_condition_is_prepared(desk: Any, pictures: Path) -> None:
     desk.shoot(pictures, "own-condition")
     assert desk.misfits() == []
     setup(desk).get_by_role("button", name="Prepare").click()
-    desk.answered("ready to wind a condition of your own")
+    desk.answered("ready to wind an own condition")
 
 
 def test_recording_begins_before_the_run(desk: Any, run: AttendedRun) -> None:

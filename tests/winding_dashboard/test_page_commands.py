@@ -115,7 +115,7 @@ def test_own_condition_is_prepared_in_si() -> None:
         "prepare 0 linear cylinder_diameter=0.03 cable_diameter=0.004 weight=3.5 "
         "marker_spacing=0.08 take up"
     ]
-    assert answer.endswith("prepare: ready to wind a condition of your own")
+    assert answer.endswith("prepare: ready to wind an own condition")
 
 
 def test_wrong_own_condition_is_refused_with_value_and_limits() -> None:

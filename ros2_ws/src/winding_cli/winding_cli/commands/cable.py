@@ -196,7 +196,7 @@ def add(
     library: Library = None,
     force: Force = False,
 ) -> None:
-    """Add a cable of your own to the library, or a better one of its name with --force."""
+    """Add a cable to the own library, or a better one of its name with --force."""
     folder = library or own_folder()
     with refused(ValueError):
         file = folder / f"{check_name(name)}.yaml"

@@ -117,7 +117,7 @@ class OperatorSession:
             raise
         self.choice = choice
         case = condition.resolved().case
-        name = f"case {case.number}" if case.number else "a condition of your own"
+        name = f"case {case.number}" if case.number else "an own condition"
         return f"ready to wind {name}{f'; {remark}' if remark else ''}"
 
     async def save_recipe(self, name: str, form: Mapping[str, Any]) -> str:
