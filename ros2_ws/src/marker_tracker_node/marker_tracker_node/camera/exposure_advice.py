@@ -137,6 +137,8 @@ class ExposureAdvice:
 
     fault: bool  # Whether something has to be changed
     sentences: tuple[str, ...]  # One to three
+    exposure: float = 1.0  # Factor on the exposure
+    gain: float = 1.0  # Factor on gain or light, or on the exposure where that is not known
 
 
 def exposure_advice(
@@ -185,7 +187,7 @@ def exposure_advice(
     sentences = (*faults, *(["; ".join(changes)] if changes else []))
     if not sentences:
         return ExposureAdvice(fault=False, sentences=(_fitting(levels, exposure, longest),))
-    return ExposureAdvice(fault=True, sentences=sentences)
+    return ExposureAdvice(fault=True, sentences=sentences, exposure=of_exposure, gain=of_gain)
 
 
 def _of_gain(factor: float, noise: float, knobs: str) -> Iterator[str]:
