@@ -55,7 +55,7 @@ def test_a_marker_passes_as_fast_as_is_expected(paper_film):
     speed = marker_speed(film.pinhole(), film.camera.position[0], radius, DRIVE.angular_speed)
     # The centre line faces the camera there; the lens bends by less than 1 % in the middle.
     assert abs(after - before) / 0.04 * DRIVE.angular_speed == pytest.approx(speed, rel=0.01)
-    with pytest.raises(ValueError, match="must stand more than 0.1 m off, got 0.1 m"):
+    with pytest.raises(ValueError, match=r"must stand more than 0\.1 m off, got 0\.1 m"):
         marker_speed(film.pinhole(), 0.1, 0.1, 1.0)
 
 

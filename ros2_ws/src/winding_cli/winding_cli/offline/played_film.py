@@ -182,8 +182,7 @@ def play(
         if pacing is None:
             pacing = Pacing(played.rate)
             pacing.start(due.t, clock())
-        while wait := pacing.wait(due.t, clock()):
-            sleep(wait)
+        sleep(pacing.wait(due.t, clock()) or 0.0)
         behind = pacing.bag_time(clock()) - due.t
         publish(due.topic, due.message)
         if due.frame:

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from winding_recorder.bags.description import BagError
+from winding_ros.message_guard import UNKNOWN_NODE
 
 # Subscribers that are there find a new publisher in up to 0.6 s on a busy machine.
 _MATCH_PATIENCE = 2.0
@@ -29,11 +30,13 @@ def refuse_rivals(node: Node, names: Iterable[str]) -> None:
     Raises:
         BagError: Another node publishes one.
     """
-    # Publishers that are there already need a moment to be seen.
-    end = time.monotonic() + _DISCOVERY
-    while time.monotonic() < end:
+    # Publishers that are there already need a moment to be seen, and their nodes a little longer.
+    end, last = time.monotonic() + _DISCOVERY, False
+    while not last:
+        last = time.monotonic() >= end
         for name in names:
-            if rivals := node.get_publishers_info_by_topic(name):
+            rivals = node.get_publishers_info_by_topic(name)
+            if rivals and (last or rivals[0].node_name != UNKNOWN_NODE):
                 raise BagError(
                     f"{name} is published by {rivals[0].node_name} already; stop it, choose "
                     "another --domain, or --force to publish beside it"
