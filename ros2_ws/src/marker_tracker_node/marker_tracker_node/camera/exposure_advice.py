@@ -59,7 +59,7 @@ class PictureLevels:
 def picture_levels(
     frames: Iterable[ByteArray], hues: Sequence[float], tolerance: float
 ) -> PictureLevels:
-    """Measure levels and noise of pictures, blue-green-red, shape (rows, columns, 3) each.
+    """Measure levels and noise of pictures.
 
     Paint is what has the hue of a marker and is not grey. Noise is that of green: the median
     answer of a filter to which planes give none, away from the sensor's ends. Every second row and
@@ -67,7 +67,7 @@ def picture_levels(
     has. What a camera smooths, or JPEG does, cannot be seen.
 
     Args:
-        frames: The pictures.
+        frames: The pictures, blue-green-red, shape (rows, columns, 3) each.
         hues: Of the markers [deg].
         tolerance: How far a hue may lie from those [deg].
     """

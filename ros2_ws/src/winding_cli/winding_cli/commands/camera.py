@@ -38,6 +38,10 @@ _CHECKED = 500
 
 camera = command_group("camera")
 Film = Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")]
+CameraFile = Annotated[
+    Path | None,
+    typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info."),
+]
 Fps = Annotated[
     float | None,
     typer.Option(help="Of pictures without times; of a video in place of its own times."),
@@ -212,10 +216,7 @@ def render(
 def play(
     *,
     film: Film,
-    camera_file: Annotated[
-        Path | None,
-        typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info."),
-    ] = None,
+    camera_file: CameraFile = None,
     motion: Annotated[
         Path | None,
         typer.Option(help="CSV t, cylinder_angle, guide_z, published as rig/joint_states, too."),
@@ -300,10 +301,7 @@ def check(
     pixels: Typed,
     *,
     film: Film,
-    camera_file: Annotated[
-        Path | None,
-        typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info."),
-    ] = None,
+    camera_file: CameraFile = None,
     exposure_ms: Annotated[
         float | None, typer.Option(min=1.0e-3, help="Exposure that the camera is set to.")
     ] = None,

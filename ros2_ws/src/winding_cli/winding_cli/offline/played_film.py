@@ -74,7 +74,7 @@ class Due:
     """A message that is due."""
 
     t: float  # When, by the film's times [s]
-    topic: Topic
+    topic: Topic  # On which
     message: Any  # Message, or its CDR bytes
     frame: int = 0  # Number of the frame, from 1; 0 for other messages
 
@@ -143,7 +143,7 @@ class Played:
     """What was published so far."""
 
     rate: float  # Film seconds per second
-    frames: int = 0
+    frames: int = 0  # How many
     late: list[int] = field(default_factory=list)  # Numbers of the frames that were late
     latest: float = 0.0  # How late the latest frame was [s]
 

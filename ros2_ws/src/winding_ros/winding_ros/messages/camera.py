@@ -46,7 +46,8 @@ def encode_image(t: float, frame: NDArray[np.uint8]) -> bytes:
 
 def encode_picture(t: float, picture: RawImage) -> bytes:
     """Return a picture, `step` bytes a row, as the CDR bytes of an Image stamped t [s]."""
-    return b"".join((_image_template(*picture[:5]).stamped(t), picture.data))
+    pixels = np.frombuffer(picture.data, dtype=np.uint8)
+    return b"".join((_image_template(*picture[:5]).stamped(t), pixels.data))
 
 
 @cache
