@@ -157,6 +157,23 @@ def test_every_delivery_of_the_film_is_measured_within_the_specification(
     assert np.abs(records["s"] / np.where(length, length, 1.0) - 1.0)[seen].max() <= 0.002
 
 
+@pytest.mark.parametrize(
+    ("exposure_ms", "code", "sentence"),
+    [
+        # A surface of 19 mm at 1.74 rad/s and 0.3985 m, 4900 px binned by 3: 136 px/s.
+        (4.0, 0, "smear 0.5 px"),
+        (40.0, 1, "exposure 40 ms smears markers by 5.4 px at 136 px/s"),
+    ],
+)
+def test_exposure_is_judged_with_the_speed_of_the_markers(
+    film: Path, tmp_path: Path, exposure_ms: float, code: int, sentence: str
+) -> None:
+    words = ("--camera", film / "camera.yaml", "--case", CASE, "--exposure-ms", exposure_ms)
+    done = winding(tmp_path, "camera", "check", film, *words)
+    assert done.exit_code == code, done.output
+    assert sentence in done.stdout
+
+
 @pytest.fixture
 def tracker(ros: Any, request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[list[Markers]]:
     """A process of the tracker, active; yields the markers that it publishes by now."""
