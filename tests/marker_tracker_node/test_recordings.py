@@ -423,6 +423,22 @@ def test_incomplete_pictures_are_left_out_and_counted(tmp_path):
     assert source.remarks() == ["1 x image of 10 x 8 in rgb8 with step 30 needs 240 bytes, got 200"]
 
 
+def test_compressed_pictures_of_a_bag_are_read_where_there_are_no_raw_ones(tmp_path):
+    frame = np.full((ROWS, COLUMNS, 3), (25, 185, 225), np.uint8)
+    _, png = cv2.imencode(".png", frame)
+    shown = [{"format": "bgr8; png compressed bgr8", "data": data} for data in (png, png[:9])]
+    pictures = [("CompressedImage", 2.0 * k, fields) for k, fields in enumerate(shown)]
+    source = FrameSource(write_bag(tmp_path / "alone", pictures))
+    ((t, read),) = source
+    assert t == 0.0
+    assert (read == frame).all()
+    assert source.remarks() == ["1 x 9 bytes of format 'bgr8; png compressed bgr8' are no picture"]
+    raw = ("Image", 1.0, image(frame[..., ::-1].tobytes(), ROWS, COLUMNS, "rgb8", 3 * COLUMNS))
+    ((t, read),) = FrameSource(write_bag(tmp_path / "both", [*pictures, raw]))
+    assert t == 1.0
+    assert (read == frame).all()
+
+
 def test_a_bag_without_colours_is_refused_with_the_reason(tmp_path):
     path = bag(tmp_path / "bag", [bytes(COLUMNS * ROWS)] * 4, "mono8", COLUMNS, 0)
     with pytest.raises(RecordingError, match="'mono8' holds no colour, which identifies"):

@@ -90,6 +90,7 @@ def test_markers_and_the_camera_clock_have_these_options() -> None:
         ),
         (("--marker-colours", "pink"), "marker_colours must list red"),
         (("--row-time-us", 5), "--row-time-us is for the pictures of a real camera"),
+        (("--image-transport", "compressed"), "--image-transport is for the pictures of a real"),
         (
             ("--machine", "external", "--no-camera", "--measure-lay", "--encoding", "rgb8"),
             "--encoding and --measure-lay need a camera",

@@ -1,14 +1,18 @@
-"""Run the tracker's node: python -m marker_tracker_node [--camera SOURCE] --ros-args ..."""
+"""Run the tracker: python -m marker_tracker_node [--camera SOURCE | --compressed] --ros-args ..."""
 
 import sys
 
 from marker_tracker_node.node import ComposedTrackerNode, MarkerTrackerNode
 from winding_core.machine.camera_source import CameraSource, CameraSourceError
+from winding_ros.graph import COMPRESSED_TRACKER
 from winding_ros.runtime.process import EXIT_REFUSED, run_node
 
 
 def main() -> int:
     """Entry point of the node's process, and of a camera in it: MODULE:FUNCTION or a file's."""
+    if sys.argv[1:2] == ["--compressed"]:
+        del sys.argv[1]
+        return run_node(lambda: MarkerTrackerNode(COMPRESSED_TRACKER))
     if sys.argv[1:2] != ["--camera"]:
         return run_node(MarkerTrackerNode)
     try:

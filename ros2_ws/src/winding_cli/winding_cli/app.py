@@ -37,6 +37,7 @@ SUMMARIES = {
     "render": "Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml.",
     "track": "Track a recording and print where every marker lies.",
     "board": "Draw the board that `winding calibrate` looks for; print it at its true size.",
+    "camera": "Play a film as a camera's driver would, and judge exposure and gain by pictures.",
     "calibrate": "Fit camera matrix and distortion, and write the YAML that ROS tools read.",
     "conform": "Listen to a running driver and report, promise by promise, what it keeps.",
     "doctor": "Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL.",

@@ -26,6 +26,13 @@ class ImageFormatError(ValueError):
     """A picture cannot be read: one sentence with what it is and what is needed."""
 
 
+class FileImage(NamedTuple):
+    """A picture as the bytes of a file, which a CompressedImage holds."""
+
+    format: str  # As the message states it, such as "bayer_rggb8; png compressed ".
+    data: bytes | memoryview | NDArray[np.uint8]  # The file.
+
+
 class RawImage(NamedTuple):
     """A picture as it came."""
 

@@ -179,6 +179,12 @@ class RunCamera(CameraPlacement, CameraPixels, CameraClockParameters, SimulatedC
     """Which camera looks, from where, and what it delivers."""
 
     camera: bool = parameter(True, "whether an external machine has a camera", PLAIN)
+    image_transport: str = parameter(
+        "raw",
+        "how a driver's frames come: raw on camera/image_raw, compressed on its compressed topic",
+        PLAIN,
+        choices=("raw", "compressed"),
+    )
     compose: str = parameter(
         "",
         "track frames in the camera's process: camera for the simulated one, or what opens a real "

@@ -63,7 +63,7 @@ _ALTERNATIVES = (
 )
 _OF_SIMULATED = (*options(declared.SimulatedMachine), *options(declared.SimulatedCamera))
 _OF_EXTERNAL = (*options(MachineAxes), "start", "turns", "wound_length_mm", "standing_s")
-_OF_PIXELS = (*options(declared.CameraPixels),)
+_OF_PIXELS = (*options(declared.CameraPixels), "image_transport")
 _OF_CAMERA = (
     *_OF_PIXELS,
     *options(declared.CameraClockParameters),
@@ -309,6 +309,8 @@ class RunSpec:
         name, compose = self.source.name, self.source.name("compose")
         if self.graph.attach:
             yield f"with {name('attach')} the tracker runs elsewhere: compose its camera there"
+        if self.camera.image_transport != "raw":
+            yield f"{compose} hands frames over: leave out {name('image_transport')}"
         if self.graph.secure:
             reason = "no policy lets the tracker show frames"
             yield f"{compose} and {name('secure')} exclude each other: {reason}"

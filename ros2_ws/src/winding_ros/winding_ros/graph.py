@@ -177,6 +177,20 @@ def composed(graph: tuple[NodeSpec, ...], camera: str) -> tuple[NodeSpec, ...]:
     return tuple(others.get(spec.name, spec) for spec in graph)
 
 
+# The tracker of a driver whose frames come compressed.
+COMPRESSED_TRACKER = replace(
+    TRACKER,
+    inputs=(topics.CAMERA_INFO, topics.JOINT_STATES, topics.PREVIEW),
+    triggers=(topics.PREVIEW,),
+    arguments=("--compressed",),
+)
+
+
+def compressed(graph: tuple[NodeSpec, ...]) -> tuple[NodeSpec, ...]:
+    """Return a graph whose tracker takes compressed frames in place of raw ones."""
+    return tuple(COMPRESSED_TRACKER if spec is TRACKER else spec for spec in graph)
+
+
 # No part of the graph: it looks and asks, and the graph is whole without it.
 PAGE = NodeSpec(
     name=topics.DASHBOARD,

@@ -12,12 +12,16 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
 from marker_tracker_node.arrays import ByteArray
-from marker_tracker_node.camera.image_formats import ImageFormatError, PixelReader, RawImage
+from marker_tracker_node.camera.image_formats import (
+    FileImage,
+    ImageFormatError,
+    PixelReader,
+    RawImage,
+)
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.camera.recordings import PICTURES, Motion, RecordingError
 from winding_core.units import MILLISECOND
@@ -72,14 +76,8 @@ class FrameSource:
             RecordingError: It cannot be read, holds no usable picture, or its times cannot be
                 used.
         """
-        if is_bag(self._path):
-            pictures = self._bag()
-        elif self._path.is_dir():
-            pictures = self._folder()
-        else:
-            pictures = self._video()
         used = 0
-        for t, picture in pictures:
+        for t, picture in self.pictures():
             try:
                 frame = self._reader.frame(picture)
             except ImageFormatError as error:
@@ -92,6 +90,19 @@ class FrameSource:
         if not used:
             reason = next(iter(self.refused), "there is none")
             raise RecordingError(f"{self._path} holds no frame that can be used: {reason}")
+
+    def pictures(self) -> Iterator[tuple[float, RawImage | FileImage]]:
+        """Yield time [s] and picture as it is recorded, whether or not it can be read.
+
+        Raises:
+            RecordingError: The recording cannot be read, or its times cannot be used.
+        """
+        if is_bag(self._path):
+            yield from self._bag()
+        elif self._path.is_dir():
+            yield from self._folder()
+        else:
+            yield from self._video()
 
     def remarks(self) -> list[str]:
         """Return remarks on the frames read so far, in sentences."""
@@ -125,7 +136,7 @@ class FrameSource:
                     return
                 t = self._time(video.get(cv2.CAP_PROP_POS_MSEC) * 1.0e-3, number)
                 number += 1
-                yield t, self._decoded(np.asarray(frame))
+                yield t, self._reader.decoded(np.asarray(frame))
         finally:
             video.release()
 
@@ -156,28 +167,17 @@ class FrameSource:
             frame = cv2.imread(str(path), cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH)
             if frame is None:
                 raise RecordingError(f"{path} is not a picture")
-            yield t, self._decoded(np.asarray(frame))
+            yield t, self._reader.decoded(np.asarray(frame))
 
-    def _decoded(self, frame: ByteArray | NDArray[np.uint16]) -> RawImage:
-        """Return what OpenCV has read as a picture that the reader may take otherwise."""
-        bits = 8 * frame.dtype.itemsize
-        if self._reader.encoding.startswith("bayer") and frame.ndim == 3:
-            # A video or JPEG holds the mosaic as three equal channels.
-            frame = frame[:, :, 0]
-        rows, columns = frame.shape[:2]
-        return RawImage(
-            height=rows,
-            width=columns,
-            encoding=f"mono{bits}" if frame.ndim == 2 else f"bgr{bits}",
-            step=frame.itemsize * frame.size // max(rows, 1),
-            big_endian=bool(np.dtype(np.uint16).str.startswith(">")),
-            data=np.ascontiguousarray(frame).reshape(-1).view(np.uint8),
-        )
-
-    def _bag(self) -> Iterator[tuple[float, RawImage]]:
+    def _bag(self) -> Iterator[tuple[float, RawImage | FileImage]]:
         self._times = FrameTimes(f"the pictures of {self._path.name}", backwards=True)
-        for _, t, message in messages(self._path, ("Image",)):
+        # A driver that publishes both compresses what it publishes raw.
+        kinds = ("Image", "CompressedImage")
+        for kind, t, message in messages(self._path, kinds, alternatives=True):
             self._times.take(t)
+            if kind == "CompressedImage":
+                yield t, FileImage(message.format, message.data)
+                continue
             picture = RawImage(
                 height=message.height,
                 width=message.width,
@@ -312,25 +312,38 @@ def read_bag(path: Path) -> Recording:
     return Recording(camera=camera, motion=motion)
 
 
-def messages(path: Path, kinds: tuple[str, ...]) -> Iterator[tuple[str, float, Any]]:
+def messages(
+    path: Path, kinds: tuple[str, ...], *, alternatives: bool = False
+) -> Iterator[tuple[str, float, Any]]:
     """Yield type, stamp [s] and message of the busiest topic of each kind.
+
+    Args:
+        path: The bag.
+        kinds: Message types without their package.
+        alternatives: Whether the first kind of which there is a message is wanted alone.
 
     Raises:
         RecordingError: The bag cannot be read.
     """
     try:
         with AnyReader([path], default_typestore=get_typestore(Stores.ROS2_JAZZY)) as reader:
-            wanted = [
-                link for link in reader.connections if link.msgtype.rsplit("/", 1)[-1] in kinds
-            ]
+            wanted = [link for link in reader.connections if _kind(link) in kinds]
+            if alternatives:
+                there = {_kind(link) for link in wanted if link.msgcount}
+                first = next((kind for kind in kinds if kind in there), "")
+                wanted = [link for link in wanted if _kind(link) == first]
             for link, _, raw in reader.messages(connections=_busiest(wanted)):
                 message: Any = reader.deserialize(raw, link.msgtype)
                 stamp = message.header.stamp
-                yield link.msgtype.rsplit("/", 1)[-1], stamp.sec + 1e-9 * stamp.nanosec, message
+                yield _kind(link), stamp.sec + 1e-9 * stamp.nanosec, message
     except Exception as error:
         # The reader has no closed list of what it raises on damaged bytes.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise RecordingError(f"cannot read {path}: {reason}") from error
+
+
+def _kind(link: Any) -> str:
+    return str(link.msgtype.rsplit("/", 1)[-1])
 
 
 def _busiest(links: list[Any]) -> list[Any]:

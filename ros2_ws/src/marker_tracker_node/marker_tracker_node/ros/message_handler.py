@@ -21,7 +21,12 @@ from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracke
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.run_inputs import RunInputs
 from winding_ros import topics
-from winding_ros.messages.camera import CameraReading, decode_camera_info, decode_image
+from winding_ros.messages.camera import (
+    CameraReading,
+    decode_camera_info,
+    decode_compressed,
+    decode_image,
+)
 from winding_ros.messages.clouds import encode_cloud
 from winding_ros.messages.rig import JointStateReader
 from winding_ros.messages.serialised import MessageError, deserialised
@@ -110,7 +115,8 @@ class TrackerHandler:
             self._live.add_reading(t, reading)
             yield from self._measure()
         else:
-            t, frame = decode_image(data, self.pixels)
+            decode = decode_compressed if topic is topics.PREVIEW else decode_image
+            t, frame = decode(data, self.pixels)
             if self.tracker is None:
                 self._uncalibrated += 1
                 if self._uncalibrated > _FRAMES_BEFORE_CALIBRATION:

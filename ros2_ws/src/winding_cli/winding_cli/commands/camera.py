@@ -1,4 +1,4 @@
-"""`winding render`, `winding board`, `winding calibrate`: what a camera sees, and its file."""
+"""`winding render`, `board`, `calibrate` and `camera`: what a camera sees, its file, its film."""
 
 from __future__ import annotations
 
@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from winding_cli.app import command_group
 from winding_cli.terminal.console import busy
 from winding_cli.terminal.output_path import (
     Force,
@@ -17,15 +18,34 @@ from winding_cli.terminal.output_path import (
     check_output_folder,
     staged,
 )
-from winding_cli.terminal.record_options import Typed, spelled, with_options
-from winding_cli.terminal.refusal import refuse, refused
-from winding_core.markers import DOT, MarkerLook
+from winding_cli.terminal.record_options import Domain, Namespace, Typed, spelled, with_options
+from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
+from winding_cli.terminal.termination import end
+from winding_core.cable.condition import Condition
+from winding_core.markers import DOT, MarkerLook, MarkerParameters
 from winding_core.parameters import build, parameter, typed_values
-from winding_core.units import LENGTH, MILLIMETRE, PLAIN
+from winding_core.raw_image import ENCODINGS
+from winding_core.run_options import CameraPixels, CameraPlacement
+from winding_core.units import LENGTH, MILLIMETRE, MILLISECOND, PLAIN
 
 if TYPE_CHECKING:
     from marker_tracker_node.camera.calibration import Board
     from winding_rig_node.camera import Scene
+
+# Frames that `winding camera check` looks at, from the first on.
+_CHECKED = 500
+
+camera = command_group("camera")
+Film = Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")]
+CameraFile = Annotated[
+    Path | None,
+    typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info."),
+]
+Fps = Annotated[
+    float | None,
+    typer.Option(help="Of pictures without times; of a video in place of its own times."),
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -190,3 +210,144 @@ def render(
     with staged(folder) as place, busy("drawing frames", total=count) as show:
         count = write_sequence(place, renderer, instants(), np.random.default_rng(seed))
     print(f"{count} frames of case {case} in {folder}")
+
+
+@camera.command()
+def play(
+    *,
+    film: Film,
+    camera_file: CameraFile = None,
+    motion: Annotated[
+        Path | None,
+        typer.Option(help="CSV t, cylinder_angle, guide_z, published as rig/joint_states, too."),
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Film seconds per second.")] = 1.0,
+    fps: Fps = None,
+    encoding: Annotated[
+        str, typer.Option(help="Of the published pixels, such as bayer_rggb8; else the film's.")
+    ] = "",
+    compressed: Annotated[
+        str, typer.Option(help="jpeg or png, on camera/image_raw/compressed; else raw.")
+    ] = "",
+    force: Annotated[
+        bool, typer.Option("--force", help="Publish although the topics have publishers.")
+    ] = False,
+    namespace: Namespace = "winding",
+    domain: Domain = None,
+) -> None:
+    """Publish a film as a camera's driver does: frames with their stamps and their rhythm.
+
+    Every frame has its camera_info. Frames that come late are counted and named.
+    """
+    from itertools import chain
+
+    from marker_tracker_node.camera.calibration import read_camera
+    from marker_tracker_node.camera.frame_sources import FrameSource, Recording, is_bag, read_bag
+    from marker_tracker_node.camera.image_formats import COMPRESSIONS
+    from marker_tracker_node.camera.recordings import read_motion
+    from winding_cli.offline.played_film import Delivery, Played, due_messages
+    from winding_cli.offline.played_film import play as publish_film
+    from winding_recorder.bags.description import BagError
+    from winding_recorder.playback.publishers import drain, refuse_rivals, wait_for_subscribers
+    from winding_ros.topics import CAMERA_INFO, JOINT_STATES
+
+    if not film.exists():
+        refuse(f"{film} does not exist")
+    if not 0.0 < rate < math.inf:
+        refuse(f"--rate must be positive and finite, got {rate:g}")
+    for option, word, known in (
+        ("--encoding", encoding, tuple(ENCODINGS)),
+        ("--compressed", compressed, COMPRESSIONS),
+    ):
+        if word and word not in known:
+            refuse(f"{option} must be one of {', '.join(known)}, got {word!r}")
+    check_namespace(namespace)
+    delivery, played = Delivery(encoding=encoding, compression=compressed), Played(rate=rate)
+    with refused(OSError, ValueError):
+        brought = read_bag(film) if is_bag(film) else Recording(camera=None, motion=None)
+        lens = read_camera(camera_file) if camera_file else brought.camera
+        if lens is None:
+            refuse("there is no camera: give --camera")
+        readings = read_motion(motion) if motion else None
+        pictures = FrameSource(film, fps=fps).pictures()
+        first = next(pictures, None)
+        if first is None:
+            refuse(f"{film} holds no picture")
+        delivery.of(first[1])
+    messages = due_messages(chain([first], pictures), lens, readings, delivery)
+    used = (CAMERA_INFO, delivery.topic, *((JOINT_STATES,) if readings else ()))
+    try:
+        with joined(domain), plain_node("film_player", namespace) as (node, _):
+            if not force:
+                refuse_rivals(node, [node.resolve_topic_name(topic.name) for topic in used])
+            publishers = {topic: topic.advertise(node) for topic in used}
+            wait_for_subscribers(node, publishers.values())
+            publish_film(messages, lambda topic, data: publishers[topic].publish(data), played)
+            drain(publishers.values())
+    except (BagError, ValueError) as error:
+        refuse(error, FAILED)
+    except KeyboardInterrupt:
+        print(played.sentence)
+        end()
+    print(played.sentence)
+
+
+@camera.command()
+@with_options(Condition, MarkerParameters, CameraPlacement, CameraPixels)
+def check(
+    typed: Typed,
+    markers: Typed,
+    placement: Typed,
+    pixels: Typed,
+    *,
+    film: Film,
+    camera_file: CameraFile = None,
+    exposure_ms: Annotated[
+        float | None, typer.Option(min=1.0e-3, help="Exposure that the camera is set to.")
+    ] = None,
+    fps: Fps = None,
+) -> None:
+    """Judge exposure, gain and light by the pictures; exit 1 where something is to be changed.
+
+    With a camera file, how far markers move during the exposure is known as well.
+    """
+    from itertools import islice
+
+    from marker_tracker_node.camera.calibration import read_camera
+    from marker_tracker_node.camera.exposure_advice import (
+        exposure_advice,
+        marker_speed,
+        picture_levels,
+    )
+    from marker_tracker_node.camera.frame_sources import FrameSource, is_bag, read_bag
+    from marker_tracker_node.camera.image_formats import PixelReader
+
+    def built(record: Any, given: Typed) -> Any:
+        return build(record, typed_values(record, given, spelled), owner="winding camera check")
+
+    if not film.exists():
+        refuse(f"{film} does not exist")
+    with refused(OSError, ValueError):
+        wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case).resolved()
+        look, read = built(MarkerParameters, markers), built(CameraPixels, pixels)
+        lens = read_camera(camera_file) if camera_file else None
+        if lens is None and is_bag(film):
+            lens = read_bag(film).camera
+        speed = math.nan
+        if lens is not None:
+            outside = wound.case.cylinder_radius + 2.0 * wound.case.cable_radius
+            distance = built(CameraPlacement, placement).camera_position[0]
+            speed = marker_speed(lens, distance, outside, wound.drive.angular_speed)
+        reader = PixelReader(encoding=read.encoding, significant_bits=read.significant_bits)
+        frames = FrameSource(film, fps=fps, reader=reader)
+        shown = (frame for _, frame in islice(frames, _CHECKED))
+        with busy("looking at frames"):
+            levels = picture_levels(
+                shown, look.hues or (look.marker_hue,), look.marker_hue_tolerance
+            )
+    exposure = math.nan if exposure_ms is None else exposure_ms * MILLISECOND
+    advice = exposure_advice(levels, exposure=exposure, speed=speed)
+    for sentence in (*frames.remarks(), *advice.sentences):
+        print(sentence)
+    if advice.fault:
+        raise typer.Exit(FAILED)

@@ -6,12 +6,11 @@ import importlib
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 from rcl_interfaces.msg import SetParametersResult
-from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.publisher import Publisher
@@ -23,6 +22,7 @@ from std_srvs.srv import SetBool, Trigger
 from winding_core.status import PLAYBACK, Status
 from winding_recorder.bags.description import BagError, reason
 from winding_recorder.bags.reading import messages_of, opened
+from winding_recorder.playback.publishers import drain, refuse_rivals, wait_for_subscribers
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.messages.stamps import encode_stamp
 from winding_ros.topics import CLOCK, DIAGNOSTICS
@@ -30,11 +30,6 @@ from winding_ros.topics import CLOCK, DIAGNOSTICS
 _CLOCK_PERIOD = 0.01
 # Pause and end are noticed this often [s].
 _LOOK_PERIOD = 0.05
-# Subscribers that are there find a new publisher in up to 0.6 s on a busy machine.
-_MATCH_PATIENCE = 2.0
-_DISCOVERY = 1.0
-# A page looks at the newest message ten times a second, and later when the computer is busy.
-_LINGER = 0.5
 # What came in this time before a place is published at once when the playback goes there [s]: every
 # topic but the latched ones has published its newest.
 _BEFORE = 1.2
@@ -131,7 +126,7 @@ class Player:
         self._topics = frozenset(link.topic for link in links)
         names = sorted(self._topics | {CLOCK.name})
         if not force:
-            self._refuse_rivals(names)
+            refuse_rivals(node, names)
         self._publishers = {link.topic: self._publisher(link) for link in links}
         self._span = (0.0, 0.0)
         self._sought: float | None = None
@@ -152,31 +147,12 @@ class Player:
             return self._pacing.paused
 
     def wait_for_subscribers(self) -> None:
-        """Wait until every subscriber that the graph knows has found its publisher.
-
-        Subscribers of other processes need a moment to be known: without any, the wait is for
-        the whole patience.
-        """
-        end = time.monotonic() + _MATCH_PATIENCE
-        while time.monotonic() < end:
-            counts = [
-                (publisher.get_subscription_count(), self._node.count_subscribers(name))
-                for name, publisher in self._publishers.items()
-            ]
-            known = sum(subscribers for _, subscribers in counts)
-            if known and all(matched >= subscribers for matched, subscribers in counts):
-                return
-            time.sleep(_LOOK_PERIOD)
+        """Wait until every subscriber that the graph knows has found its publisher."""
+        wait_for_subscribers(self._node, self._publishers.values())
 
     def drain(self) -> None:
-        """Wait until subscribers have everything, for a limited time.
-
-        Reliable ones acknowledge it; others look now and then for what was the last.
-        """
-        patience = Duration(seconds=_MATCH_PATIENCE)
-        for publisher in self._publishers.values():
-            publisher.wait_for_all_acked(patience)
-        time.sleep(_LINGER)
+        """Wait until subscribers have everything, for a limited time."""
+        drain(self._publishers.values())
 
     def play(self, stopped: Callable[[], bool]) -> None:
         """Publish the recording once, as it arrived.
@@ -261,18 +237,6 @@ class Player:
                     return True
             time.sleep(_LOOK_PERIOD if wait is None else min(wait, _LOOK_PERIOD))
         return False
-
-    def _refuse_rivals(self, names: Iterable[str]) -> None:
-        # Publishers that are there already need a moment to be seen.
-        end = time.monotonic() + _DISCOVERY
-        while time.monotonic() < end:
-            for name in names:
-                if rivals := self._node.get_publishers_info_by_topic(name):
-                    raise BagError(
-                        f"{name} is published by {rivals[0].node_name} already; stop it, choose "
-                        "another --domain, or --force to publish beside it"
-                    )
-            time.sleep(_LOOK_PERIOD)
 
     def _publisher(self, link: Any) -> Publisher:
         try:

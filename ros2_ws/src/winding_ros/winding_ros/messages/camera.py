@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, RegionOfInterest
 
 from winding_core.machine.readings import ImageWindow
-from winding_core.raw_image import BGR8, ImageFormatError, RawImage
+from winding_core.raw_image import BGR8, FileImage, ImageFormatError, RawImage
 from winding_ros.messages.cdr import COUNT, CdrError, CdrReader, Template, serialised
 from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.messages.stamps import decode_stamp, encode_stamp, serialised_stamp
@@ -41,22 +41,32 @@ def encode_image(t: float, frame: NDArray[np.uint8]) -> bytes:
         raise ValueError(f"frame must be uint8 (h, w, 3), got {frame.dtype} {frame.shape}")
     height, width, _ = frame.shape
     pixels = np.ascontiguousarray(frame)
-    return b"".join((_image_template(height, width).stamped(t), pixels.data))
+    return encode_picture(t, RawImage(height, width, BGR8, 3 * width, False, pixels.data))
+
+
+def encode_picture(t: float, picture: RawImage) -> bytes:
+    """Return a picture, `step` bytes a row, as the CDR bytes of an Image stamped t [s]."""
+    pixels = np.frombuffer(picture.data, dtype=np.uint8)
+    return b"".join((_image_template(*picture[:5]).stamped(t), pixels.data))
 
 
 @cache
-def _image_template(height: int, width: int) -> Template:
+def _image_template(
+    height: int, width: int, encoding: str, step: int, big_endian: bool
+) -> Template:
     """Return everything of an Image before its pixels, their number included."""
-    message = Image(height=height, width=width, encoding=BGR8, step=3 * width)
+    message = Image(
+        height=height, width=width, encoding=encoding, step=step, is_bigendian=big_endian
+    )
     message.header.frame_id = CAMERA_FRAME
     # An empty picture ends with the number of its bytes.
-    return Template(serialised(message)[: -COUNT.size] + COUNT.pack(3 * width * height))
+    return Template(serialised(message)[: -COUNT.size] + COUNT.pack(step * height))
 
 
 class FrameReader(Protocol):
     """What makes a frame of a picture as it came."""
 
-    def frame(self, image: RawImage) -> NDArray[np.uint8]:
+    def frame(self, image: RawImage | FileImage) -> NDArray[np.uint8]:
         """Return a BGR frame, shape (height, width, 3); it raises `ImageFormatError`."""
 
 
@@ -102,9 +112,30 @@ def _picture(reader: CdrReader) -> RawImage:
     return RawImage(height, width, encoding, reader.u32(), big_endian, reader.octets())
 
 
-def _frame(picture: RawImage, reader: FrameReader | None) -> NDArray[Any]:
+def decode_compressed(data: bytes, reader: FrameReader) -> tuple[float, NDArray[np.uint8]]:
+    """Return (t [s], frame) of the CDR bytes of a CompressedImage; the reader makes the frame.
+
+    Raises:
+        MessageError: They are none, or hold no picture with colours.
+    """
     try:
-        return picture.numbers() if reader is None else reader.frame(picture)
+        fields = CdrReader(data)
+        # Stamp and frame.
+        fields.skip(4, 2)
+        fields.string()
+        picture = FileImage(fields.string(), fields.octets())
+    except CdrError:
+        message = deserialised(data, CompressedImage)
+        picture = FileImage(message.format, memoryview(message.data))
+    return serialised_stamp(data), _frame(picture, reader)
+
+
+def _frame(picture: RawImage | FileImage, reader: FrameReader | None) -> NDArray[Any]:
+    try:
+        if reader is not None:
+            return reader.frame(picture)
+        assert isinstance(picture, RawImage)
+        return picture.numbers()
     except ImageFormatError as error:
         raise MessageError(str(error)) from error
 
@@ -180,10 +211,15 @@ def decode_camera_info(message: CameraInfo) -> tuple[float, CameraReading]:
 
 def encode_preview(t: float, jpeg: bytes) -> CompressedImage:
     """Return a JPEG picture as a CompressedImage stamped t [s]."""
-    message = CompressedImage(format=f"{BGR8}; jpeg compressed {BGR8}")
+    return encode_compressed(t, FileImage(f"{BGR8}; jpeg compressed {BGR8}", jpeg))
+
+
+def encode_compressed(t: float, picture: FileImage) -> CompressedImage:
+    """Return the file of a picture as a CompressedImage stamped t [s]."""
+    message = CompressedImage(format=picture.format)
     message.header.stamp = encode_stamp(t)
     message.header.frame_id = CAMERA_FRAME
-    message._data = np.frombuffer(jpeg, dtype=np.uint8)
+    message._data = np.frombuffer(picture.data, dtype=np.uint8)
     return message
 
 

@@ -21,6 +21,7 @@ from winding_ros.graph import (
     TRACKER,
     NodeSpec,
     composed,
+    compressed,
     members,
     pace_topics,
     parameters_of,
@@ -74,7 +75,7 @@ class RunConfig:
         spec = self.spec
         graph = members(external=spec.external, camera=spec.camera.camera, control=spec.controlled)
         if not spec.camera.compose:
-            return graph
+            return compressed(graph) if spec.camera.image_transport == "compressed" else graph
         return composed(graph, spec.camera.compose if spec.external else SIMULATED_CAMERA)
 
     def own_parameters(self, axes: Axes | None = None) -> dict[str, dict[str, object]]:
