@@ -169,7 +169,7 @@ def test_exposure_is_judged_with_the_speed_of_the_markers(
     film: Path, tmp_path: Path, exposure_ms: float, code: int, sentence: str
 ) -> None:
     words = ("--camera", film / "camera.yaml", "--case", CASE, "--exposure-ms", exposure_ms)
-    done = winding(tmp_path, "camera", "check", film, *words)
+    done = winding(tmp_path, "check-film", film, *words)
     assert done.exit_code == code, done.output
     assert sentence in done.stdout
 
@@ -208,7 +208,7 @@ def player(film: Path, *words: object) -> subprocess.Popen[str]:
     where = ("--camera", film / "camera.yaml", "--motion", film / "motion.csv")
     of_graph = ("--namespace", NAMESPACE, "--domain", os.environ["ROS_DOMAIN_ID"])
     return subprocess.Popen(
-        [*COMMAND, "camera", "play", *map(str, (film, *where, *of_graph, *words))],
+        [*COMMAND, "play-film", *map(str, (film, *where, *of_graph, *words))],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -37,7 +37,12 @@ SUMMARIES = {
     "render": "Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml.",
     "track": "Track a recording and print where every marker lies.",
     "board": "Draw the board that `winding calibrate` looks for; print it at its true size.",
-    "camera": "Play a film as a camera's driver would, and judge exposure and gain by pictures.",
+    "play-film": (
+        "Publish a film as a camera's driver does: frames with their stamps and their rhythm."
+    ),
+    "check-film": (
+        "Judge exposure, gain and light by the pictures; exit 1 where something is to be changed."
+    ),
     "calibrate": "Fit camera matrix and distortion, and write the YAML that ROS tools read.",
     "conform": "Listen to a running driver and report, promise by promise, what it keeps.",
     "doctor": "Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL.",
@@ -48,7 +53,8 @@ SUMMARIES = {
 }
 
 # Module of a command that does not have one of its own name.
-_MODULES = {"render": "camera", "board": "camera", "calibrate": "camera", "health": "graph"}
+_OF_CAMERA = ("render", "board", "calibrate", "play-film", "check-film")
+_MODULES = {"health": "graph", **dict.fromkeys(_OF_CAMERA, "camera")}
 
 
 def _installed() -> dict[str, EntryPoint]:
@@ -62,7 +68,7 @@ class _LazyCommands(Mapping[str, Any]):
     def __getitem__(self, name: str) -> Any:
         if name in SUMMARIES:
             module = f"winding_cli.commands.{_MODULES.get(name, name)}"
-            command = getattr(importlib.import_module(module), name)
+            command = getattr(importlib.import_module(module), name.replace("-", "_"))
         else:
             command = _installed()[name].load()
         if not isinstance(command, typer.Typer):

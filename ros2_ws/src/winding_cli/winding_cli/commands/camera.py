@@ -1,4 +1,4 @@
-"""`winding render`, `board`, `calibrate` and `camera`: what a camera sees, its file, its film."""
+"""What a camera is: `winding render`, `board`, `calibrate`, `play-film` and `check-film`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from winding_cli.app import command_group
 from winding_cli.terminal.console import busy
 from winding_cli.terminal.output_path import (
     Force,
@@ -33,10 +32,9 @@ if TYPE_CHECKING:
     from marker_tracker_node.camera.calibration import Board
     from winding_rig_node.camera import Scene
 
-# Frames that `winding camera check` looks at, from the first on.
+# Frames that `winding check-film` looks at, from the first on.
 _CHECKED = 500
 
-camera = command_group("camera")
 Film = Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")]
 CameraFile = Annotated[
     Path | None,
@@ -212,8 +210,7 @@ def render(
     print(f"{count} frames of case {case} in {folder}")
 
 
-@camera.command()
-def play(
+def play_film(
     *,
     film: Film,
     camera_file: CameraFile = None,
@@ -292,9 +289,8 @@ def play(
     print(played.sentence)
 
 
-@camera.command()
 @with_options(Condition, MarkerParameters, CameraPlacement, CameraPixels)
-def check(
+def check_film(
     typed: Typed,
     markers: Typed,
     placement: Typed,
@@ -323,7 +319,7 @@ def check(
     from marker_tracker_node.camera.image_formats import PixelReader
 
     def built(record: Any, given: Typed) -> Any:
-        return build(record, typed_values(record, given, spelled), owner="winding camera check")
+        return build(record, typed_values(record, given, spelled), owner="winding check-film")
 
     if not film.exists():
         refuse(f"{film} does not exist")
