@@ -44,12 +44,15 @@ BESIDE = {
     "run": ["--case", "4"],
     "predict": ["--case", "4"],
     "plan": ["--case", "4", "--even"],
+    "commission": ["--case", "4"],
     "render": ["pictures"],
     "board": ["board.png"],
     "sweep": ["spec.yaml"],
 }
 # They need recordings or a running graph before any option is looked at, or take any text for one.
-LEFT_OUT = {"track", "identify", "calibrate", "bag", "conform", "health"}
+LEFT_OUT = {
+    *("track", "identify", "calibrate", "bag", "conform", "health", "play-film", "check-film"),
+}
 NUMBERS = ("abc", "-1e9", "nan")
 PLACES = ("/dev/null/x", "/proc/nothere/x")
 
