@@ -44,8 +44,8 @@ _LONGEST = 4.0
 _AVERAGED = 0.3
 # Slip reaches no further back than this [rad]: at a friction of 0.06 that is a ratio of 6.
 _SLIP_REACH = 30.0
-# Between two shares of C01 the stretch is interpolated.
-_SHARE_STEP = 0.1
+# Shares of C01 between which the stretch is interpolated.
+_SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
 # A motion goes on so far over its end: what lands late on one rig has landed on another.
 BEYOND = 1.08
 
@@ -236,20 +236,22 @@ class RigLay:
     def _at(self, stress: FloatArray, share: FloatArray) -> FloatArray:
         """Return stretches at stresses over E, shape (n, ...), by each row's C01 share, (n,)."""
         if share.size == 1:
-            return self._stretched(stress, float(share[0]))
+            return np.interp(stress, *self._table(float(share[0])))
         found = np.empty_like(stress)
-        for row, place in enumerate((share / _SHARE_STEP).tolist()):
-            first, part = int(place), place % 1.0
-            ends = (self._stretched(stress[row], _SHARE_STEP * (first + k)) for k in (0, 1))
-            found[row] = (1.0 - part) * next(ends) + part * next(ends)
+        tables = [self._table(at) for at in _SHARES]
+        for row, place in enumerate(np.interp(share, _SHARES, np.arange(len(_SHARES))).tolist()):
+            first = min(int(place), len(_SHARES) - 2)
+            one, other = (np.interp(stress[row], *tables[first + k]) for k in (0, 1))
+            found[row] = one + (place - first) * (other - one)
         return found
 
-    def _stretched(self, stress: FloatArray, share: float) -> FloatArray:
+    def _table(self, share: float) -> tuple[FloatArray, FloatArray]:
+        """Return stresses over E and stretches of the law with a C01 share, shape (p,) each."""
         law = self.config.resolved.law
         if self.config.law in MOONEY:
             law = dataclasses.replace(law, law=MOONEY[1], mooney_ratio=share / (1.0 - share))
-        stretch, unit_stress, _ = unit_law(law)
-        return np.interp(stress, unit_stress, stretch)
+        stretch, stress, _ = unit_law(law)
+        return stress, stretch
 
     def _late(self, rigs: Numbers) -> NDArray[np.bool_]:
         """Return for which cables friction holds a landing later, shape (n,)."""
@@ -299,12 +301,13 @@ def _behind(
         theta: Ascending angles [rad], shape (k,) or (n, k).
     """
     pulls = commanded(np.broadcast_to(theta, (friction.size, theta.shape[-1])))
-    found = np.empty_like(pulls)
-    held = pulls[:, 0]
-    for k, now in enumerate(pulls.T):
-        held = np.clip(held, (1.0 - friction) * now, (1.0 + friction) * now)
-        found[:, k] = held / now
-    return found
+    low, high = ((way * friction + 1.0) * pulls.T for way in (-1.0, 1.0))
+    held = np.empty_like(low)
+    held[0] = pulls[:, 0]
+    for k in range(1, held.shape[0]):
+        np.maximum(held[k - 1], low[k], out=held[k])
+        np.minimum(held[k], high[k], out=held[k])
+    return held.T / pulls
 
 
 def _held(span: FloatArray, friction: FloatArray, step: float) -> FloatArray:

@@ -25,6 +25,9 @@ _UNSURE = 0.5
 # Of an element's angle times the change of the stretch where cable slips: an element has a length,
 # a cable has none. Rods of 0.8 times the element.
 _SLIP_SHARE = 0.5
+# What the closed form, corrected by the rod, misses beyond where pulls are commanded: the numbers
+# are others than the rod's. Of angles relative to themselves and as an offset [rad], of z [m].
+_CELL_SHARE, _CELL_OFFSET, _CELL_Z_OFFSET = 1.0e-4, 0.5e-3, 0.05e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,11 @@ def deviations_of(
     own = prior.scatter**2 * np.eye(theta.size)
     common = prior.fixing**2 * np.outer(one, one)
     slipped = np.zeros((theta.size, theta.size))
+    slipped_z = np.zeros_like(slipped)
+    if about is not None:
+        both = np.outer(one, one) + np.eye(theta.size)
+        slipped += _CELL_SHARE**2 * np.outer(theta, theta) + _CELL_OFFSET**2 * both
+        slipped_z += _CELL_Z_OFFSET**2 * both
     for angle, change in [] if about is None else lay.slips(about):
         behind = (theta > angle) * (_SLIP_SHARE * lay.element * change)
         slipped += np.outer(behind, behind)
@@ -62,6 +70,7 @@ def deviations_of(
         + _OFFSET**2 * np.outer(one, one)
         + (own + common) / radius**2,
         z=_Z_SHARE**2 * np.outer(z, z)
+        + slipped_z
         + _Z_OFFSET**2 * (np.outer(one, one) + np.eye(theta.size))
         + own
         + common,
@@ -78,17 +87,10 @@ class RigPart:
     deviations: RigDeviations  # Of model and machine
     white_theta: FloatArray  # Makes residuals of angles standard normal, shape (m, m)
     white_z: FloatArray  # The same of z, shape (m, m)
-    # Theta and z of the rod less the closed form's, shape (2, m); zero where no pull is commanded.
-    excess: FloatArray
 
     @classmethod
     def of(
-        cls,
-        run: TrackedRun,
-        lay: RigLay,
-        prior: RigPrior,
-        about: Numbers | None = None,
-        excess: FloatArray | None = None,
+        cls, run: TrackedRun, lay: RigLay, prior: RigPrior, about: Numbers | None = None
     ) -> RigPart:
         """Return the part of a run, see `deviations_of`."""
         readings = run.readings
@@ -108,17 +110,21 @@ class RigPart:
             lay=lay,
             used=used,
             deviations=deviations,
-            excess=np.zeros((2, used.size)) if excess is None else excess[:, used],
             white_theta=whitening(deviations.theta[pick] + np.diag(readings.sigma_theta**2)),
             white_z=whitening(deviations.z[pick] + np.diag(readings.sigma_z**2)),
         )
 
-    def residuals(self, rigs: Numbers) -> FloatArray:
-        """Return standard normal residuals of angles and then of z, shape (n, 2 m)."""
+    def residuals(self, rigs: Numbers, excess: FloatArray | float = 0.0) -> FloatArray:
+        """Return standard normal residuals of angles and then of z, shape (n, 2 m).
+
+        Args:
+            rigs: Shape (n,) each.
+            excess: What the rod adds to the closed form, theta and z, shape (n, 2 m).
+        """
         theta, z = self.lay(rigs, int(self.used[-1]) + 1)
         readings = self.run.readings
-        off_theta = theta[:, self.used] + self.excess[0] - readings.theta
-        off_z = z[:, self.used] + self.excess[1] - readings.z
+        laid = np.hstack([theta[:, self.used], z[:, self.used]]) + excess
+        off_theta, off_z = np.hsplit(laid - np.concatenate([readings.theta, readings.z]), 2)
         return np.hstack([off_theta @ self.white_theta.T, off_z @ self.white_z.T])
 
     def worst_share(self, theta: FloatArray, weights: FloatArray) -> float:

@@ -15,7 +15,6 @@ from cable_fem_node.identification.modulus import WORST_SHARE
 from cable_fem_node.identification.rig import DERIVED, Numbers, Unknown
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
-from cable_fem_node.identification.rig_rod import rod_excess
 from cable_fem_node.identification.rig_search import RigSearch
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
@@ -30,8 +29,6 @@ _MOST_SCATTER = 0.05
 # Scatter is found to within this factor.
 _SCATTER_STEP = 1.05
 _PRIOR_DRAWS = 4000
-# Where pulls are commanded the rod is wound at so many optima.
-_RODS = 2
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -313,18 +310,14 @@ def identify_rig(
     _refuse_different(runs)
     prior = RigPrior() if prior is None else prior
     lays = [RigLay.of(run) for run in runs]
-    search, excess = RigSearch(runs, prior, lays), None
-    for _ in range(_RODS if any(run.commanded is not None for run in runs) else 0):
-        excess = [
-            rod_excess(lay, search.best, int(run.readings.ids[-1]))
-            for run, lay in zip(runs, lays, strict=True)
-        ]
-        search = RigSearch(runs, prior, lays, search, excess)
+    search = RigSearch(runs, prior, lays)
+    if any(run.commanded is not None for run in runs):
+        search = search.with_rod()
     squares, evidence = search.chi_square, search.evidence
     misfit = float(chdtrc(search.measured, squares)) < FitConfig.misfit_level
     scatter = 0.0
     if misfit:
-        scatter, search = _scattered(runs, prior, lays, search, excess)
+        scatter, search = _scattered(runs, prior, lays, search)
     sample, steady, weights = search.draw(draws)
     coordinates = search.coordinates
     rigs = coordinates.numbers(sample, steady)
@@ -371,7 +364,6 @@ def _scattered(
     prior: RigPrior,
     lays: Sequence[RigLay],
     before: RigSearch,
-    excess: Sequence[FloatArray] | None,
 ) -> tuple[float, RigSearch]:
     """Return the scatter [m] at which the sum of squares is as expected, and the search with it."""
 
@@ -381,7 +373,7 @@ def _scattered(
             scatter=math.hypot(prior.scatter, scatter),
             fixing=math.hypot(prior.fixing, scatter),
         )
-        return RigSearch(runs, wider, lays, before, excess)
+        return RigSearch(runs, wider, lays, before, before.excess)
 
     low, high = 1.0e-5, _MOST_SCATTER
     found = with_scatter(high)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray, SolverError
 from cable_fem_node.identification.rig import MOONEY, Numbers
@@ -61,13 +63,13 @@ def rod_places(lay: RigLay, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
     return np.where(landed, markers["theta"], np.nan), np.where(landed, markers["z"], np.nan)
 
 
-def rod_excess(lay: RigLay, numbers: Numbers, count: int) -> FloatArray:
-    """Return theta [rad] and z [m] of the rod less those of the closed form, shape (2, count).
+def rod_excess(lay: RigLay, numbers: Numbers, used: NDArray[np.intp]) -> FloatArray:
+    """Return theta [rad] and z [m] of the rod less those of the closed form, shape (2 m,).
 
     Args:
         lay: Closed form of the run.
         numbers: Shape (1,) each.
-        count: How many markers.
+        used: Index of each marker among P1, P2, ..., shape (m,).
 
     Raises:
         IdentificationError: The rod fails, or one of the markers does not land.
@@ -76,9 +78,23 @@ def rod_excess(lay: RigLay, numbers: Numbers, count: int) -> FloatArray:
     one, none = np.ones(1), np.zeros(1)
     plain = numbers | {"held": one, "eye": none, "camera_scale": none}
     try:
-        found = np.array(rod_places(lay, plain))[:, :count]
+        found = np.array(rod_places(lay, plain))[:, used]
     except (SolverError, ValueError) as error:
         raise IdentificationError(f"the rod cannot wind the best rig: {error}") from error
     if not np.isfinite(found).all():
         raise IdentificationError("a used marker does not land on the rod of the best rig")
-    return np.asarray(found - np.array(lay(plain, count))[:, 0])
+    closed = np.array(lay(plain, int(used[-1]) + 1))[:, 0, used]
+    return np.asarray(found - closed).ravel()
+
+
+@dataclass(frozen=True, kw_only=True)
+class RodExcess:
+    """What the rod adds to the closed form of a run: a line in the coordinates of a search."""
+
+    at: FloatArray  # Coordinates, shape (k,)
+    value: FloatArray  # Theta [rad] and z [m] there, shape (2 m,)
+    slopes: FloatArray  # Shape (k, 2 m)
+
+    def __call__(self, u: FloatArray) -> FloatArray:
+        """Return it at coordinates, shape (n, k), as (n, 2 m)."""
+        return np.asarray(self.value + (u - self.at) @ self.slopes)

@@ -14,6 +14,7 @@ from cable_fem_node.identification.mixture import Mixture, weighted_draws
 from cable_fem_node.identification.rig import Numbers, RigCoordinates, unknowns_of
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
+from cable_fem_node.identification.rig_rod import RodExcess, rod_excess
 from cable_fem_node.identification.tracked_run import TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
 
@@ -25,6 +26,13 @@ _STEPS = 40
 _PROBE = 1.0e-3
 # Twice the gain in half a sum of squares below which a step is not worth taking.
 _SETTLED = 2.0e-3
+# The rod is wound at so many optima at most, for its slopes at this one, over steps of a deviation
+# within these limits: its elements are seen in shorter ones. It rests where it moves the optimum
+# by less than this share of a deviation.
+_ROD_CALLS, _SLOPES_AT, _ROD_STEPS, _RESTS = 5, 1, (0.1, 0.5), 0.2
+# What changes the rod by nothing, or as the closed form.
+_EXACT = ("load_share", "held", "eye", "camera_scale")
+_OF_BUILD_UP = ("start_share", "build_up_length")
 # Draws that count, over all; rounds in which the proposal is adapted to it.
 _ENOUGH, _ROUNDS = 0.3, 5
 
@@ -54,7 +62,7 @@ class RigSearch:
         prior: What was known before.
         lays: Closed forms of the runs.
         before: A search of the same runs to go on from.
-        excess: What the rod adds to each closed form, see `rod_excess`; None: nothing.
+        excess: What the rod adds to each closed form; None: nothing.
     """
 
     def __init__(
@@ -63,12 +71,12 @@ class RigSearch:
         prior: RigPrior,
         lays: Sequence[RigLay],
         before: RigSearch | None = None,
-        excess: Sequence[FloatArray] | None = None,
+        excess: Sequence[RodExcess] | None = None,
     ) -> None:
         about = None if before is None else before.best
-        each = zip(runs, lays, [None] * len(runs) if excess is None else excess, strict=True)
-        self.parts = [RigPart.of(run, lay, prior, about, added) for run, lay, added in each]
-        self.prior = prior
+        pairs = zip(runs, lays, strict=True)
+        self.parts = [RigPart.of(run, lay, prior, about) for run, lay in pairs]
+        self.prior, self.excess = prior, excess
         first, config = runs[0].readings, runs[0].config
         case, last = config.case, float(first.theta[-1])
         self.coordinates = RigCoordinates(
@@ -117,6 +125,50 @@ class RigSearch:
         )
         return whitened + float(np.logaddexp.reduce(self.modes.evidence))
 
+    def with_rod(self) -> RigSearch:
+        """Return the search with what the rod adds, found at the best rig until that rests.
+
+        Its slopes along every coordinate are forward differences of the rod at the second optimum.
+
+        Raises:
+            IdentificationError: The rod cannot wind the best rig.
+        """
+        search = self
+        for attempt in range(_ROD_CALLS):
+            before, (u,) = search, search.place[0]
+            information = search.modes.information[search._first]
+            excess = search._asked(information if attempt == _SLOPES_AT else None)
+            runs, lays = zip(*((part.run, part.lay) for part in self.parts), strict=True)
+            search = RigSearch(runs, self.prior, lays, before, excess)
+            moved = search.place[0][0] - u
+            if attempt >= _SLOPES_AT and moved @ information @ moved < _RESTS**2 * u.size:
+                break
+        return search
+
+    def _asked(self, information: FloatArray | None) -> list[RodExcess]:
+        """Return what the rod adds at the best rig; with new slopes where there is information."""
+        (u,), steady = self.place
+        found = []
+        for number, part in enumerate(self.parts):
+
+            def added(at: FloatArray, part: RigPart = part) -> FloatArray:
+                return rod_excess(part.lay, self.coordinates.numbers(at[None], steady), part.used)
+
+            value = added(u)
+            slopes = np.zeros((u.size, value.size))
+            if self.excess is not None:
+                slopes = self.excess[number].slopes.copy()
+            if information is not None:
+                steps = np.clip(np.sqrt(np.diag(np.linalg.inv(information))), *_ROD_STEPS)
+                for k, item in enumerate(self.coordinates.opened):
+                    if item.name in _EXACT or (steady[0] and item.name in _OF_BUILD_UP):
+                        continue
+                    aside = u.copy()
+                    aside[k] += steps[k] if u[k] < 0.0 else -steps[k]
+                    slopes[k] = (added(aside) - value) / (aside[k] - u[k])
+            found.append(RodExcess(at=u, value=value, slopes=slopes))
+        return found
+
     def draw(self, count: int) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
         """Return coordinates, whether each is steady, and weights, see `weighted_draws`."""
         modes = self.modes
@@ -136,7 +188,12 @@ class RigSearch:
         """Return residuals, the k of the prior last, and what else ln of the density has."""
         rigs = self.coordinates.numbers(u, steady)
         prior, more = self.coordinates.prior(u, rigs)
-        return np.hstack([*(part.residuals(rigs) for part in self.parts), prior]), more
+        if self.excess is None:
+            rows = [part.residuals(rigs) for part in self.parts]
+        else:
+            pairs = zip(self.parts, self.excess, strict=True)
+            rows = [part.residuals(rigs, added(u)) for part, added in pairs]
+        return np.hstack([*rows, prior]), more
 
     def _find(self, start: FloatArray) -> _Modes:
         chance, size = self.prior.steady, start.shape[-1]
