@@ -184,7 +184,7 @@ def test_paper_runs_from_their_first_two_markers(bench) -> None:
     evidence = {}
     for case in range(1, 13):
         run = paper_run(case)
-        lays = [RigLay(run)]
+        lays = [RigLay.of(run)]
         evidence[case] = [RigSearch([run], prior, lays).evidence for prior in TRIED]
     errors, inside, usable = [], [], 0
     for case in evidence:

@@ -20,7 +20,6 @@ from cable_fem_node.identification import (
     TrackedRun,
     identify_rig,
 )
-from cable_fem_node.identification.rig import Rigs
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -45,7 +44,7 @@ WHOLE = {"load_share": 1.0, "guide_drag": 0.0}
 
 def laid(run: TrackedRun, rig: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
     """Return theta and z of all markers of a run on a rig, by the closed form."""
-    theta, z = RigLay(run)(Rigs(**{name: np.array([value]) for name, value in rig.items()}))
+    theta, z = RigLay.of(run)({name: np.array([value]) for name, value in rig.items()})
     return theta[0], z[0]
 
 
@@ -92,7 +91,7 @@ def test_markers_determine_stretch_and_free_length_and_not_what_stretched(
     steady: RigPosterior,
 ) -> None:
     posterior = steady
-    assert {"load_share", "guide_drag"} <= set(posterior.untold)
+    assert {"load_share", "guide_drag"} <= set(posterior.unobservable)
     beliefs = posterior.beliefs
     assert beliefs["free_length"].observed
     assert beliefs["free_length"].low < 0.205 < beliefs["free_length"].high
@@ -116,7 +115,7 @@ def test_known_tension_makes_the_modulus_known() -> None:
     young = posterior.beliefs["young"]
     assert young.low < 2.2e6 < young.high
     assert young.half_width_90 < 0.01 * young.mean
-    assert posterior.untold == ()
+    assert posterior.unobservable == ()
 
 
 def test_two_tensions_separate_drag_from_share() -> None:
@@ -125,10 +124,10 @@ def test_two_tensions_separate_drag_from_share() -> None:
     alone, both = identify_rig([light]), identify_rig([light, heavy])
     assert not alone.beliefs["guide_drag"].observed
     # (6 a + d) / (2 a + d) is known to about a percent, and with it d / a.
-    ratio = both.rigs.guide_drag / both.rigs.load_share
+    ratio = both.rigs["guide_drag"] / both.rigs["load_share"]
     mean = float(both.weights @ ratio)
     spread = float(np.sqrt(both.weights @ (ratio - mean) ** 2))
-    before = alone.rigs.guide_drag / alone.rigs.load_share
+    before = alone.rigs["guide_drag"] / alone.rigs["load_share"]
     assert spread < 0.6 * float(np.std(before))
     assert abs(mean - 0.2 / 0.62) < 3.0 * spread
 

@@ -9,23 +9,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cable_fem_node.identification import Readings
+from cable_fem_node.identification import Readings, RigPosterior, TrackedRun, identify_rig
+from cable_fem_node.identification.rig import Numbers, numbers_of, opened, unknowns_of
+from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.rig_rod import rod_places
+from cable_fem_node.winding.rig_prior import CELL
 from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
 from winding_core.cable.condition import Condition
 from winding_core.catalogue.cables import read_cable
 from winding_core.parameters import ParameterError
 from winding_core.run_spec import RunSpec
 from winding_study.commissioning.design import SIGMA_THETA, SIGMA_Z, ranked
-from winding_study.commissioning.lay import CellLay
 from winding_study.commissioning.motion import (
     MachineReach,
     Motion,
     candidates,
     clearing_advance,
 )
-from winding_study.commissioning.posterior import CellPosterior, Measured, identify_cell
 from winding_study.commissioning.result import cable_of, cell_text_of, remarks
-from winding_study.commissioning.unknowns import COUNT, NAMES, CellPrior, Numbers, numbers_of
 
 # A cell takes a dozen rods, on a busy computer minutes.
 pytestmark = pytest.mark.timeout(900)
@@ -33,7 +34,7 @@ pytestmark = pytest.mark.timeout(900)
 WHAT = Condition(case=4, law="neo_hookean", markers=24).resolved()
 CONFIG: WindingConfig = SolverParameters().config_of(WHAT)
 WEIGHT = WHAT.case.weight
-PRIOR = CellPrior()
+UNKNOWNS = unknowns_of(CELL, CONFIG)
 REACH = MachineReach(
     speeds=(1.74, 1.74),
     carriage_speed=0.08,
@@ -46,66 +47,60 @@ MOTIONS = {motion.name: motion for motion in reversed(list(candidates(REACH)))}
 
 
 def cell(**deviates: float) -> Numbers:
-    q = np.zeros((1, COUNT))
+    names = [item.name for item in opened(UNKNOWNS)]
+    q = np.zeros((1, len(names)))
     for name, value in deviates.items():
-        q[0, NAMES.index(name)] = value
-    return numbers_of(PRIOR.unknowns(CONFIG), q)
+        q[0, names.index(name)] = value
+    return numbers_of(UNKNOWNS, q)
 
 
-def laid(motion: Motion, numbers: Numbers) -> CellLay:
-    lay = CellLay(CONFIG, motion.inputs(), motion)
-    assert np.isfinite(lay(numbers).theta[0, :8]).all()
-    return lay
+def laid(motion: Motion) -> RigLay:
+    return RigLay(CONFIG, motion.inputs(), commanded=motion.commanded)
 
 
-def readings_of(lay: CellLay, numbers: Numbers, count: int = 15) -> Readings:
-    """Return markers of the rod, without errors of the tracker."""
-    rod = lay.rod(numbers)
-    return Readings(
+def found(motion: Motion, numbers: Numbers, count: int = 15) -> RigPosterior:
+    """Return what markers of the rod tell, without errors of the tracker."""
+    theta, z = rod_places(laid(motion), numbers)
+    readings = Readings(
         ids=np.arange(1, count + 1),
-        theta=rod.theta[0, :count],
-        z=rod.z[0, :count],
+        theta=theta[:count],
+        z=z[:count],
         sigma_theta=np.full(count, SIGMA_THETA),
         sigma_z=np.full(count, SIGMA_Z),
     )
-
-
-def found(motion: Motion, numbers: Numbers) -> CellPosterior:
-    lay = laid(motion, numbers)
-    measured = Measured(
-        config=CONFIG,
-        inputs=motion.inputs(),
-        motion=motion,
-        readings=readings_of(lay, numbers),
+    run = TrackedRun(
+        config=CONFIG, inputs=motion.inputs(), readings=readings, commanded=motion.commanded
     )
-    return identify_cell(measured, PRIOR)
+    return identify_rig([run], CELL, draws=1500)
 
 
 HIDDEN = cell(young=0.3, friction=-0.4, free_length=0.5, law_share=0.2, start_share=-0.3)
 
 
 @pytest.fixture(scope="module")
-def stepped() -> CellPosterior:
+def stepped() -> RigPosterior:
     return found(MOTIONS["in three steps down"], HIDDEN)
 
 
 @pytest.fixture(scope="module")
-def even() -> CellPosterior:
+def even() -> RigPosterior:
     return found(MOTIONS["even"], HIDDEN)
 
 
 @pytest.mark.parametrize("name", ["young", "friction", "free_length", "start_share"])
 def test_the_closed_form_moves_with_a_number_as_the_rod_does(name: str) -> None:
-    lay = laid(MOTIONS["high, then low"], cell())
-    closed, rod = (make(cell(**{name: 0.3})).theta - make(cell()).theta for make in (lay, lay.rod))
-    landed = np.isfinite(closed + rod)
+    lay = laid(MOTIONS["high, then low"])
+    closed = lay(cell(**{name: 0.3}))[0][0] - lay(cell())[0][0]
+    rod = rod_places(lay, cell(**{name: 0.3}))[0] - rod_places(lay, cell())[0]
+    rod = rod[: closed.size]
+    landed = np.isfinite(rod)
     # Elements of a fifth of a radian end a slip; start and free length differ by a tenth.
     assert closed[landed] == pytest.approx(rod[landed], rel=0.25, abs=5.0e-3)
 
 
 def test_a_pull_slips_where_it_changes_faster_than_friction_holds() -> None:
     motion = MOTIONS["low, then high"]
-    lay = laid(motion, cell())
+    lay = laid(motion)
     steady = {"start_share": 8.0, "build_up_length": -8.0}
     angle, change = lay.slips(cell(**steady))[-1]
     assert angle == pytest.approx(motion.angles[3], abs=0.4)  # two places of the grid
@@ -113,28 +108,28 @@ def test_a_pull_slips_where_it_changes_faster_than_friction_holds() -> None:
     # ln 5 within 0.8 rad is what a friction of 2 just holds.
     assert not any(behind > 2.0 for behind, _ in lay.slips(cell(friction=8.0, **steady)))
     # Cable that slips is drawn on by the higher pull: less of it lies on the cylinder.
-    smooth, rough = (lay(cell(friction=value)).theta[0] for value in (-2.0, 2.0))
+    smooth, rough = (lay(cell(friction=value))[0][0] for value in (-2.0, 2.0))
     assert smooth[12] > rough[12]
 
 
 def test_an_even_pull_and_a_brake_with_friction_lay_the_same() -> None:
-    lay = laid(MOTIONS["even"], cell())
-    still, rubbing = (lay(cell(brake_friction=value)).theta for value in (-3.0, 3.0))
+    lay = laid(MOTIONS["even"])
+    still, rubbing = (lay(cell(brake_friction=value))[0] for value in (-3.0, 3.0))
     np.testing.assert_array_equal(still, rubbing)
 
 
 def test_modulus_load_share_and_drag_hide_behind_each_other() -> None:
-    lay = laid(MOTIONS["falling"], cell())
+    lay = laid(MOTIONS["falling"])
     numbers = cell()
     doubled = dict(numbers)
     for name in ("young", "load_share", "guide_drag"):
         doubled[name] = 1.1 * numbers[name]
     # Rounding alone.
-    np.testing.assert_allclose(lay(doubled).theta, lay(numbers).theta, rtol=1.0e-12)
+    np.testing.assert_allclose(lay(doubled)[0], lay(numbers)[0], rtol=1.0e-12)
 
 
 def test_a_commanded_pull_is_expected_to_tell_more_than_an_even_one() -> None:
-    rows = ranked(CONFIG, MOTIONS.values(), PRIOR)
+    rows = ranked(CONFIG, MOTIONS.values(), CELL)
     order = [row.motion.name for row in rows]
     assert rows[0].motion.commands_pull
     assert rows[0].gain > rows[order.index("even")].gain
@@ -142,10 +137,10 @@ def test_a_commanded_pull_is_expected_to_tell_more_than_an_even_one() -> None:
 
 
 @pytest.mark.slow
-def test_the_posterior_holds_the_cell_that_was_wound(stepped: CellPosterior) -> None:
-    assert stepped.misfit == 1.0
+def test_the_posterior_holds_the_cell_that_was_wound(stepped: RigPosterior) -> None:
+    assert not stepped.misfit
     for name in ("friction", "free_length", "start_share", "young"):
-        item = stepped.of(name)
+        item = stepped.beliefs[name]
         # Without noise the truth is nearer than three deviations.
         assert abs(float(HIDDEN[name][0]) - item.mean) < 3.0 * item.deviation, name
         assert item.deviation < item.prior_deviation
@@ -153,27 +148,27 @@ def test_the_posterior_holds_the_cell_that_was_wound(stepped: CellPosterior) -> 
 
 @pytest.mark.slow
 def test_steps_of_the_pull_tell_friction_and_drag_apart(
-    stepped: CellPosterior, even: CellPosterior
+    stepped: RigPosterior, even: RigPosterior
 ) -> None:
     for name in ("friction", "drag_per_share", "young_per_share"):
-        assert stepped.of(name).half_width_90 < 0.5 * even.of(name).half_width_90, name
+        assert stepped.beliefs[name].half_width_90 < 0.5 * even.beliefs[name].half_width_90, name
 
 
 @pytest.mark.slow
-def test_what_an_even_pull_does_not_tell_is_named(even: CellPosterior) -> None:
+def test_what_an_even_pull_does_not_tell_is_named(even: RigPosterior) -> None:
     assert {"guide_drag", "load_share", "law_share"} <= set(even.unobservable)
-    sentences = " ".join(remarks(even, ranked(CONFIG, MOTIONS.values(), PRIOR, even)))
+    sentences = " ".join(remarks(even, ranked(CONFIG, MOTIONS.values(), CELL, even)))
     assert "guide drag" in sentences
     assert "the next run that tells most" in sentences
 
 
 @pytest.mark.slow
-def test_after_an_even_run_the_next_commands_the_pull(even: CellPosterior) -> None:
-    assert ranked(CONFIG, MOTIONS.values(), PRIOR, even)[0].motion.commands_pull
+def test_after_an_even_run_the_next_commands_the_pull(even: RigPosterior) -> None:
+    assert ranked(CONFIG, MOTIONS.values(), CELL, even)[0].motion.commands_pull
 
 
 @pytest.mark.slow
-def test_the_files_hold_what_was_found(stepped: CellPosterior, tmp_path: Path) -> None:
+def test_the_files_hold_what_was_found(stepped: RigPosterior, tmp_path: Path) -> None:
     spec = RunSpec.from_cell(None, {"case": 4, "law": "neo_hookean", "feed_mm_s": 7.0})
     file = tmp_path / "hose.yaml"
     file.write_text(cable_of("hose", spec, stepped, "a run").text(), encoding="utf-8")

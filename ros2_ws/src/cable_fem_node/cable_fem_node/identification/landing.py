@@ -60,6 +60,9 @@ class Landing:
 
 
 _FIELDS = fields(Landing)
+# The limit of short elements and a hard surface.
+_LIMIT = ("strain", "press", "stick")
+SHORT_ELEMENTS = Landing(**{item.name: np.full(1, float(item.name in _LIMIT)) for item in _FIELDS})
 
 
 def landing_of(
@@ -83,7 +86,9 @@ def landing_of(
     rungs = {min(max(2.0 ** (power / _OCTAVE), least), most) for power in range(first, last + 1)}
     plain = dataclasses.replace(config, tension_law=DeadWeight(), drum=None, rolling=False)
     found = [_asked(plain, drive, rung, late) for rung in sorted(rungs)]
-    table = np.array([rung for rung in found if rung] or [(strain, 0.0, 0.0, 0.0, 0.0, 1.0, 1.0)]).T
+    table = np.array([rung for rung in found if rung]).T
+    if not table.size:
+        return SHORT_ELEMENTS
     return Landing(**{item.name: row for item, row in zip(_FIELDS, table, strict=True)})
 
 

@@ -1,4 +1,4 @@
-"""Levenberg and Marquardt's search from several starts at once, and draws about what it finds."""
+"""Levenberg and Marquardt's search from several starts at once."""
 
 from __future__ import annotations
 
@@ -64,19 +64,3 @@ def optimum(
         cost = np.where(better, tried[2], cost)
         damping = np.clip(np.where(better, 0.1 * damping, 10.0 * damping), 1.0e-9, 1.0e6)
     return q, slope @ slope.transpose(0, 2, 1), cost
-
-
-def student(
-    rng: np.random.Generator, count: int, size: int, freedom: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return standard draws of a t distribution, shape (count, size), and ln of its density there.
-
-    They come in pairs to either side, whose mean is not left to chance; the density, shape
-    (count,), is known but for a constant.
-    """
-    normal = rng.standard_normal((count, size))
-    normal[1::2] = -normal[: count - 1 : 2]
-    tail = np.repeat(np.sqrt(freedom / rng.chisquare(freedom, (count + 1) // 2)), 2)[:count]
-    drawn = normal * tail[:, None]
-    squares = (drawn**2).sum(axis=1)
-    return drawn, np.asarray(-0.5 * (freedom + size) * np.log1p(squares / freedom))

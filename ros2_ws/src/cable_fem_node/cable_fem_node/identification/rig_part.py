@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
-from cable_fem_node.identification.rig import Rigs
+from cable_fem_node.identification.rig import Numbers
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.tracked_run import TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
@@ -22,6 +22,12 @@ _Z_SHARE = 0.4e-3
 _Z_OFFSET = 0.015e-3
 # Standard deviation of what elements and contact do to the wound stretch, over what the rod shows.
 _UNSURE = 0.5
+# Of an element's angle times the change of the stretch where cable slips: an element has a length,
+# a cable has none. Rods of 0.8 times the element.
+_SLIP_SHARE = 0.5
+# What the closed form, corrected by the rod, misses beyond where pulls are commanded: the numbers
+# are others than the rod's. Of angles relative to themselves and as an offset [rad], of z [m].
+_CELL_SHARE, _CELL_OFFSET, _CELL_Z_OFFSET = 1.0e-4, 0.5e-3, 0.05e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,27 +39,38 @@ class RigDeviations:
 
 
 def deviations_of(
-    run: TrackedRun, lay: RigLay, prior: RigPrior, theta: FloatArray, z: FloatArray
+    lay: RigLay, prior: RigPrior, theta: FloatArray, z: FloatArray, about: Numbers | None = None
 ) -> RigDeviations:
     """Return the deviations of model and machine.
 
     Args:
-        run: What is wound.
-        lay: Its closed form.
+        lay: Closed form of the run.
         prior: Contains how well markers were fixed and painted.
         theta: About where the markers lie [rad], shape (m,).
         z: [m], shape (m,).
+        about: The rig, as far as it is known, shape (1,) each; None: nothing slips.
     """
-    radius = run.config.case.centreline_radius
+    radius = lay.config.case.centreline_radius
     share = np.hypot(_ANGLE_SHARE, _UNSURE * lay.added_stretch())
     one = np.ones(theta.size)
     own = prior.scatter**2 * np.eye(theta.size)
     common = prior.fixing**2 * np.outer(one, one)
+    slipped = np.zeros((theta.size, theta.size))
+    slipped_z = np.zeros_like(slipped)
+    if about is not None:
+        both = np.outer(one, one) + np.eye(theta.size)
+        slipped += _CELL_SHARE**2 * np.outer(theta, theta) + _CELL_OFFSET**2 * both
+        slipped_z += _CELL_Z_OFFSET**2 * both
+    for angle, change in [] if about is None else lay.slips(about):
+        behind = (theta > angle) * (_SLIP_SHARE * lay.element * change)
+        slipped += np.outer(behind, behind)
     return RigDeviations(
         theta=share**2 * np.outer(theta, theta)
+        + slipped
         + _OFFSET**2 * np.outer(one, one)
         + (own + common) / radius**2,
         z=_Z_SHARE**2 * np.outer(z, z)
+        + slipped_z
         + _Z_OFFSET**2 * (np.outer(one, one) + np.eye(theta.size))
         + own
         + common,
@@ -72,8 +89,10 @@ class RigPart:
     white_z: FloatArray  # The same of z, shape (m, m)
 
     @classmethod
-    def of(cls, run: TrackedRun, lay: RigLay, prior: RigPrior) -> RigPart:
-        """Return the part of a run."""
+    def of(
+        cls, run: TrackedRun, lay: RigLay, prior: RigPrior, about: Numbers | None = None
+    ) -> RigPart:
+        """Return the part of a run, see `deviations_of`."""
         readings = run.readings
         used = readings.ids - 1
         every = np.arange(1, lay.arc.size + 1)
@@ -84,27 +103,29 @@ class RigPart:
             * np.maximum(1.0, every / readings.ids[-1])
             for values in (readings.theta, readings.z)
         )
-        deviations = deviations_of(run, lay, prior, theta, z)
+        deviations = deviations_of(lay, prior, theta, z, about)
         pick = np.ix_(used, used)
         return cls(
             run=run,
             lay=lay,
             used=used,
             deviations=deviations,
-            white_theta=_whitening(deviations.theta[pick] + np.diag(readings.sigma_theta**2)),
-            white_z=_whitening(deviations.z[pick] + np.diag(readings.sigma_z**2)),
+            white_theta=whitening(deviations.theta[pick] + np.diag(readings.sigma_theta**2)),
+            white_z=whitening(deviations.z[pick] + np.diag(readings.sigma_z**2)),
         )
 
-    def residuals(self, rigs: Rigs) -> FloatArray:
-        """Return standard normal residuals of angles and then of z, shape (n, 2 m)."""
+    def residuals(self, rigs: Numbers, excess: FloatArray | float = 0.0) -> FloatArray:
+        """Return standard normal residuals of angles and then of z, shape (n, 2 m).
+
+        Args:
+            rigs: Shape (n,) each.
+            excess: What the rod adds to the closed form, theta and z, shape (n, 2 m).
+        """
         theta, z = self.lay(rigs, int(self.used[-1]) + 1)
         readings = self.run.readings
-        return np.hstack(
-            [
-                (theta[:, self.used] - readings.theta) @ self.white_theta.T,
-                (z[:, self.used] - readings.z) @ self.white_z.T,
-            ]
-        )
+        laid = np.hstack([theta[:, self.used], z[:, self.used]]) + excess
+        off_theta, off_z = np.hsplit(laid - np.concatenate([readings.theta, readings.z]), 2)
+        return np.hstack([off_theta @ self.white_theta.T, off_z @ self.white_z.T])
 
     def worst_share(self, theta: FloatArray, weights: FloatArray) -> float:
         """Return the greatest residual of a used marker's mean angle relative to the angle.
@@ -116,5 +137,6 @@ class RigPart:
         return float(np.abs(weights @ theta[:, self.used] / self.run.readings.theta - 1.0).max())
 
 
-def _whitening(covariance: FloatArray) -> FloatArray:
+def whitening(covariance: FloatArray) -> FloatArray:
+    """Return what makes residuals of a covariance standard normal, shape (m, m)."""
     return np.asarray(np.linalg.inv(np.linalg.cholesky(covariance)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.modulus import WORST_SHARE
-from cable_fem_node.identification.rig import COUNT, NAMES, Rigs
+from cable_fem_node.identification.rig import DERIVED, Numbers, Unknown
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.rig_search import RigSearch
@@ -28,8 +28,7 @@ _OBSERVED = 0.8
 _MOST_SCATTER = 0.05
 # Scatter is found to within this factor.
 _SCATTER_STEP = 1.05
-# With fewer draws that count than this share of them, five times as many are drawn.
-_FEWEST = 0.15
+_PRIOR_DRAWS = 4000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,23 +148,40 @@ def interval_of(values: FloatArray, weights: FloatArray, level: float = 0.9) -> 
 class Belief:
     """One number of the rig, before and after."""
 
+    name: str  # As in every table of numbers
+    words: str  # What it is, with its printed unit
+    unit: float  # One of these in SI
     mean: float  # Posterior mean
     deviation: float  # Posterior standard deviation
     low: float  # 5 % of the posterior lie below
     high: float  # 5 % lie above
-    prior_deviation: float  # Standard deviation before
+    prior_deviation: float  # Standard deviation before, 0 of what was known
+    prior_low: float  # 5 % of the prior lie below
+    prior_high: float  # 5 % lie above
 
     @classmethod
-    def of(cls, values: FloatArray, weights: FloatArray, before: float) -> Belief:
-        """Return the belief of draws, shape (n,), with weights of sum one; 0 before was known."""
+    def of(
+        cls, item: Unknown, values: FloatArray, weights: FloatArray, before: FloatArray
+    ) -> Belief:
+        """Return the belief of draws, shape (n,), with weights of sum one, and of prior draws."""
+        values = np.broadcast_to(values, weights.shape)
         mean = float(weights @ values)
         low, high = interval_of(values, weights)
+        prior_low, prior_high = np.quantile(before, [0.05, 0.95])
+        # What was known leaves rounding errors.
+        spread = float(before.std())
+        known = spread < 1.0e-12 * max(abs(mean), 1.0)
         return Belief(
+            name=item.name,
+            words=item.words,
+            unit=item.unit,
             mean=mean,
-            deviation=math.sqrt(float(weights @ (values - mean) ** 2)) if before else 0.0,
+            deviation=0.0 if known else math.sqrt(float(weights @ (values - mean) ** 2)),
             low=low,
             high=high,
-            prior_deviation=before,
+            prior_deviation=0.0 if known else spread,
+            prior_low=float(prior_low),
+            prior_high=float(prior_high),
         )
 
     @property
@@ -184,17 +200,21 @@ class RigPosterior:
     """The rigs that explain the markers.
 
     Attributes:
-        beliefs: By name: E, free length, load share, drag, start share, build-up length in the
-            units of `Rigs`, and ``effective_young`` [Pa], the modulus with which the stated
-            tension alone would stretch the used length as much.
+        beliefs: By name: every number that is looked for, and the combinations of `DERIVED`:
+            ``effective_young`` [Pa] is the modulus with which the stated tension alone would
+            stretch the used length as much.
+        best: Of the rig with the greatest evidence, shape (1,) each.
+        deviates: Of the prior there, of the open numbers, shape (k,).
+        spread: Covariance of these deviates, shape (k, k).
         worst_share: Greatest residual of an angle relative to the angle, at the mean prediction.
     """
 
-    rigs: Rigs  # Draws
+    rigs: Numbers  # Draws
     weights: FloatArray  # Of the draws, sum one, shape (n,)
     beliefs: dict[str, Belief]
-    mean: FloatArray  # Of NAMES, shape (6,)
-    covariance: FloatArray  # Of NAMES, shape (6, 6)
+    best: Numbers
+    deviates: FloatArray
+    spread: FloatArray
     steady: float  # Probability that the tension does not build up
     chi_square: float  # Sum of squares of the best rig, prior included
     measured: int  # How many numbers were measured
@@ -206,24 +226,45 @@ class RigPosterior:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """What `mean`, `covariance` and `correlation` are of, in order."""
-        return NAMES
+        """What `covariance` and `correlation` are of, in order: what was looked for."""
+        combined = {item.name for item in DERIVED}
+        return tuple(item.name for item in self.found if item.name not in combined)
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance of `names`, shape (k, k)."""
+        return covariance_of(
+            np.column_stack([self.rigs[name] for name in self.names]), self.weights
+        )
 
     @property
     def correlation(self) -> FloatArray:
-        """Correlations of NAMES, shape (6, 6); zero where a number was known before."""
-        deviation = np.sqrt(np.diag(self.covariance))
-        scale = np.where(deviation > 0.0, deviation, np.inf)
-        return np.asarray(self.covariance / np.outer(scale, scale))
+        """Correlations of `names`, shape (k, k)."""
+        covariance = self.covariance
+        scale = np.sqrt(np.diag(covariance))
+        return np.asarray(covariance / np.outer(scale, scale))
 
     @property
-    def untold(self) -> tuple[str, ...]:
-        """Unobservable numbers: neither known before nor narrowed by the markers."""
-        return tuple(
-            name
-            for name in NAMES
-            if self.beliefs[name].prior_deviation > 0.0 and not self.beliefs[name].observed
-        )
+    def found(self) -> tuple[Belief, ...]:
+        """What was not known before."""
+        return tuple(item for item in self.beliefs.values() if item.prior_deviation > 0.0)
+
+    @property
+    def unobservable(self) -> tuple[str, ...]:
+        """Numbers that were neither known before nor narrowed by the markers."""
+        return tuple(item.name for item in self.found if not item.observed)
+
+    def remarks(self) -> Iterator[str]:
+        """Yield what the markers leave open, and whether they contradict the model."""
+        left = [item.words.split(",")[0] for item in self.found if not item.observed]
+        if left:
+            yield f"the markers do not tell, so that the prior remains: {', '.join(left)}"
+        if self.misfit:
+            yield (
+                f"the markers contradict model and tracker (sum of squares {self.chi_square:.3g} "
+                f"of {self.measured} numbers): each was given a scatter of "
+                f"{1.0e3 * self.scatter:.2g} mm, and the widths say so"
+            )
 
     def refusal(self) -> str:
         """Return why the posterior must not be used; empty where nothing speaks against it."""
@@ -268,31 +309,34 @@ def identify_rig(
         raise IdentificationError("identification needs at least one run, got none")
     _refuse_different(runs)
     prior = RigPrior() if prior is None else prior
-    lays = [RigLay(run) for run in runs]
+    lays = [RigLay.of(run) for run in runs]
     search = RigSearch(runs, prior, lays)
+    if any(run.commanded is not None for run in runs):
+        search = search.with_rod()
     squares, evidence = search.chi_square, search.evidence
     misfit = float(chdtrc(search.measured, squares)) < FitConfig.misfit_level
     scatter = 0.0
     if misfit:
-        scatter, search = _scattered(runs, prior, lays)
-    rigs, weights = search.draw(draws)
-    if 1.0 / float(weights @ weights) < _FEWEST * draws:
-        rigs, weights = search.draw(5 * draws)
-    table = rigs.table()
-    every = dict(zip(NAMES, table.T, strict=True))
-    every["effective_young"] = search.coordinates.effective_young(rigs)
-    known = _known_before(search)
-    # What was known has no covariance, not even that of rounding.
-    open_ = np.array([known[name] > 0.0 for name in NAMES])
-    places = [part.lay(rigs) for part in search.parts]
-    laid = list(zip(search.parts, places, strict=True))
+        scatter, search = _scattered(runs, prior, lays, search)
+    sample, steady, weights = search.draw(draws)
+    coordinates = search.coordinates
+    rigs = coordinates.numbers(sample, steady)
+    every = coordinates.with_derived(rigs)
+    rng = np.random.default_rng(0)
+    before = coordinates.with_derived(coordinates.drawn(rng, _PRIOR_DRAWS, prior.steady))
+    laid = [(part, part.lay(rigs)) for part in search.parts]
     return RigPosterior(
         rigs=rigs,
         weights=weights,
-        beliefs={name: Belief.of(values, weights, known[name]) for name, values in every.items()},
-        mean=weights @ table,
-        covariance=covariance_of(table, weights) * np.outer(open_, open_),
-        steady=float(weights[rigs.start_share == 1.0].sum()),
+        beliefs={
+            item.name: Belief.of(item, every[item.name], weights, before[item.name])
+            for item in (*coordinates.unknowns, *DERIVED)
+            if item.asked
+        },
+        best=search.best,
+        deviates=coordinates.deviates(*search.place)[0],
+        spread=covariance_of(coordinates.deviates(sample, steady), weights),
+        steady=float(weights[steady].sum()),
         chi_square=squares,
         measured=search.measured,
         misfit=misfit,
@@ -316,7 +360,10 @@ def _refuse_different(runs: Sequence[TrackedRun]) -> None:
 
 
 def _scattered(
-    runs: Sequence[TrackedRun], prior: RigPrior, lays: Sequence[RigLay]
+    runs: Sequence[TrackedRun],
+    prior: RigPrior,
+    lays: Sequence[RigLay],
+    before: RigSearch,
 ) -> tuple[float, RigSearch]:
     """Return the scatter [m] at which the sum of squares is as expected, and the search with it."""
 
@@ -326,7 +373,7 @@ def _scattered(
             scatter=math.hypot(prior.scatter, scatter),
             fixing=math.hypot(prior.fixing, scatter),
         )
-        return RigSearch(runs, wider, lays)
+        return RigSearch(runs, wider, lays, before, before.excess)
 
     low, high = 1.0e-5, _MOST_SCATTER
     found = with_scatter(high)
@@ -338,21 +385,3 @@ def _scattered(
         else:
             high, found = middle, search
     return high, found
-
-
-def _known_before(search: RigSearch) -> dict[str, float]:
-    """Return the standard deviations before a marker has landed."""
-    rng = np.random.default_rng(0)
-    count = 4000
-    prior, coordinates = search.prior, search.coordinates
-    low, high = np.log(prior.build_up_length)
-    q = rng.standard_normal((count, COUNT))
-    rigs = coordinates.rigs(
-        q, np.exp(rng.uniform(low, high, count)), rng.random(count) < prior.steady
-    )
-    young = coordinates.young * np.exp(prior.young_deviation * rng.standard_normal(count))
-    rigs = dataclasses.replace(rigs, young=young)
-    known = {name: float(getattr(rigs, name).std()) for name in NAMES}
-    known["effective_young"] = float(coordinates.effective_young(rigs).std())
-    # A range of no width leaves rounding errors.
-    return {name: value if value > 1.0e-12 else 0.0 for name, value in known.items()}

@@ -1,8 +1,7 @@
-"""The posterior of a rig: Gaussian in six coordinates along a quadrature over the build-up."""
+"""The search for the rigs that explain where markers lie: optima, evidence, weighted draws."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,40 +9,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
-from cable_fem_node.identification.levenberg import optimum, student
-from cable_fem_node.identification.rig import COUNT, RigCoordinates, Rigs
+from cable_fem_node.identification.levenberg import optimum
+from cable_fem_node.identification.mixture import Mixture, weighted_draws
+from cable_fem_node.identification.rig import Numbers, RigCoordinates, unknowns_of
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
+from cable_fem_node.identification.rig_rod import RodExcess, rod_excess
 from cable_fem_node.identification.tracked_run import TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
 
-# Places along ln L_c; as many again where the first ones found the mass.
-_NODES = 8
-_REFINEMENTS = 2
-_NEGLIGIBLE = 1.0e-4
-_STEPS = 25
-_PROBE = 1.0e-4
+# The normal deviate of ln L_c is searched about these places, with this deviation each: together
+# they make up a standard normal.
+_PLACES = np.linspace(-1.8, 1.8, 8)
+_NARROW = 0.5
+_STEPS = 40
+_PROBE = 1.0e-3
 # Twice the gain in half a sum of squares below which a step is not worth taking.
 _SETTLED = 2.0e-3
-# Heavier tails than the posterior's.
-_FREEDOM = 6.0
+# The rod is wound at so many optima at most, for its slopes at this one, over steps of a deviation
+# within these limits: its elements are seen in shorter ones. It rests where it moves the optimum
+# by less than this share of a deviation.
+_ROD_CALLS, _SLOPES_AT, _ROD_STEPS, _RESTS = 5, 1, (0.1, 0.5), 0.2
+# What changes the rod by nothing, or as the closed form.
+_EXACT = ("load_share", "held", "eye", "camera_scale")
+_OF_BUILD_UP = ("start_share", "build_up_length")
+# Draws that count, over all; rounds in which the proposal is adapted to it.
+_ENOUGH, _ROUNDS = 0.3, 5
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Modes:
-    """The best coordinates at each place along the build-up."""
+    """The best coordinates with a steady tension, and about each place of the build-up."""
 
-    build_up: FloatArray  # L_c [m], shape (c,)
-    width: FloatArray  # Of the cell in ln L_c, shape (c,)
     steady: NDArray[np.bool_]  # True for the rig whose tension does not build up, shape (c,)
-    prior: FloatArray  # ln of the prior probability of the cell, shape (c,)
-    best: FloatArray  # Shape (c, 6)
-    information: FloatArray  # Shape (c, 6, 6)
+    prior: FloatArray  # ln of the prior density at its place, shape (c,)
+    best: FloatArray  # Shape (c, k)
+    information: FloatArray  # Shape (c, k, k)
     cost: FloatArray  # Half the sum of squares, shape (c,)
 
     @property
     def evidence(self) -> FloatArray:
-        """Logarithm of each cell's part of the evidence, but for a constant, shape (c,)."""
+        """Logarithm of each mode's part of the evidence, but for a constant, shape (c,)."""
         _, volume = np.linalg.slogdet(self.information)
         return np.asarray(self.prior - self.cost - 0.5 * volume)
 
@@ -55,25 +61,34 @@ class RigSearch:
         runs: Of one cable on one rig, at least one.
         prior: What was known before.
         lays: Closed forms of the runs.
+        before: A search of the same runs to go on from.
+        excess: What the rod adds to each closed form; None: nothing.
     """
 
-    def __init__(self, runs: Sequence[TrackedRun], prior: RigPrior, lays: Sequence[RigLay]) -> None:
-        self.parts = [RigPart.of(run, lay, prior) for run, lay in zip(runs, lays, strict=True)]
-        self.prior = prior
+    def __init__(
+        self,
+        runs: Sequence[TrackedRun],
+        prior: RigPrior,
+        lays: Sequence[RigLay],
+        before: RigSearch | None = None,
+        excess: Sequence[RodExcess] | None = None,
+    ) -> None:
+        about = None if before is None else before.best
+        pairs = zip(runs, lays, strict=True)
+        self.parts = [RigPart.of(run, lay, prior, about) for run, lay in pairs]
+        self.prior, self.excess = prior, excess
         first, config = runs[0].readings, runs[0].config
         case, last = config.case, float(first.theta[-1])
         self.coordinates = RigCoordinates(
-            prior=prior,
-            young=case.material.young,
-            free_length=config.free_length,
+            unknowns=unknowns_of(prior, config),
             pull=lays[0].mean_pull(last),
             area=case.axial_area,
             wound=case.centreline_radius * last,
         )
-        length = math.hypot(case.centreline_radius * last, float(first.z[-1]))
+        length = float(np.hypot(case.centreline_radius * last, first.z[-1]))
         stretch = length / (float(first.ids[-1]) * case.marker_spacing)
-        self._start = self.coordinates.start(lays[0].stress_of(stretch))
-        self.modes = self._find()
+        start = self.coordinates.start(lays[0].stress_of(stretch))
+        self.modes: _Modes = self._find(start if before is None else before.modes.best)
 
     @property
     def measured(self) -> int:
@@ -81,9 +96,24 @@ class RigSearch:
         return sum(2 * part.used.size for part in self.parts)
 
     @property
+    def _first(self) -> int:
+        return int(np.argmax(self.modes.evidence))
+
+    @property
+    def place(self) -> tuple[FloatArray, NDArray[np.bool_]]:
+        """Coordinates of the best rig, shape (1, k), and whether its tension is steady, (1,)."""
+        at = slice(self._first, self._first + 1)
+        return self.modes.best[at], self.modes.steady[at]
+
+    @property
+    def best(self) -> Numbers:
+        """The rig with the greatest evidence, shape (1,) each."""
+        return self.coordinates.numbers(*self.place)
+
+    @property
     def chi_square(self) -> float:
         """Sum of squares of the best rig, prior included."""
-        return 2.0 * float(self.modes.cost[np.argmax(self.modes.evidence)])
+        return 2.0 * float(self.modes.cost[self._first])
 
     @property
     def evidence(self) -> float:
@@ -95,127 +125,107 @@ class RigSearch:
         )
         return whitened + float(np.logaddexp.reduce(self.modes.evidence))
 
-    def draw(self, count: int) -> tuple[Rigs, FloatArray]:
-        """Return rigs and their weights, which sum to one; the same at every call.
+    def with_rod(self) -> RigSearch:
+        """Return the search with what the rod adds, found at the best rig until that rests.
 
-        Args:
-            count: How many rigs.
+        Its slopes along every coordinate are forward differences of the rod at the second optimum.
+
+        Raises:
+            IdentificationError: The rod cannot wind the best rig.
         """
-        rng = np.random.default_rng(0)
-        modes, evidence = self.modes, self.modes.evidence
-        share = np.exp(evidence - np.logaddexp.reduce(evidence))
-        ends = np.concatenate([[0.0], np.cumsum(share)[:-1]])
-        cell = np.searchsorted(ends, (np.arange(count) + rng.random()) / count, side="right") - 1
-        moved = modes.width[cell] * (rng.random(count) - 0.5)
-        build_up = modes.build_up[cell] * np.exp(moved)
-        spread = np.linalg.cholesky(np.linalg.inv(modes.information))
-        drawn, proposed = student(rng, count, COUNT, _FREEDOM)
-        q = modes.best[cell] + self._slopes()[cell] * moved[:, None]
-        q = q + np.einsum("nij,nj->ni", spread[cell], drawn)
-        residuals, rigs = self._residuals(q, build_up, modes.steady[cell])
-        _, volume = np.linalg.slogdet(modes.information)
-        proposed = proposed + 0.5 * volume[cell] + evidence[cell]
-        weight = modes.prior[cell] - 0.5 * (residuals**2).sum(axis=1) - proposed
-        weight = np.exp(weight - weight.max())
-        return rigs, weight / weight.sum()
+        search = self
+        for attempt in range(_ROD_CALLS):
+            before, (u,) = search, search.place[0]
+            information = search.modes.information[search._first]
+            excess = search._asked(information if attempt == _SLOPES_AT else None)
+            runs, lays = zip(*((part.run, part.lay) for part in self.parts), strict=True)
+            search = RigSearch(runs, self.prior, lays, before, excess)
+            moved = search.place[0][0] - u
+            if attempt >= _SLOPES_AT and moved @ information @ moved < _RESTS**2 * u.size:
+                break
+        return search
 
-    def _slopes(self) -> FloatArray:
-        """Return how the best coordinates move along ln L_c, shape (c, 6)."""
-        modes = self.modes
-        slopes = np.zeros_like(modes.best)
-        growing = np.flatnonzero(~modes.steady)
-        if growing.size > 1:
-            slopes[growing] = np.gradient(
-                modes.best[growing], np.log(modes.build_up[growing]), axis=0
-            )
-        return slopes
-
-    def _residuals(
-        self, q: FloatArray, build_up: FloatArray, steady: NDArray[np.bool_]
-    ) -> tuple[FloatArray, Rigs]:
-        rigs = self.coordinates.rigs(q, build_up, steady)
-        parts = [part.residuals(rigs) for part in self.parts]
-        return np.hstack([*parts, self.coordinates.surprise(q, rigs)]), rigs
-
-    def _find(self) -> _Modes:
-        steady = self.prior.steady
-        low, high = (math.log(length) for length in self.prior.build_up_length)
+    def _asked(self, information: FloatArray | None) -> list[RodExcess]:
+        """Return what the rod adds at the best rig; with new slopes where there is information."""
+        (u,), steady = self.place
         found = []
-        if steady:
-            # Any build-up length explains a tension that does not build up.
-            found.append(self._modes(np.array([0.5 * (low + high)]), high - low, steady=True))
-        if steady < 1.0:
-            density = math.log(1.0 - steady) - (math.log(high - low) if high > low else 0.0)
-            growing = self._cells(low, high, density)
-            for _ in range(_REFINEMENTS if high > low else 0):
-                heavy = np.flatnonzero(
-                    growing.evidence > growing.evidence.max() + math.log(_NEGLIGIBLE)
-                )
-                if heavy.size > _NODES // 2:
-                    break
-                edges = np.log(growing.build_up[heavy[[0, -1]]])
-                margin = growing.width[0]
-                growing = self._cells(
-                    max(low, edges[0] - margin), min(high, edges[1] + margin), density, growing
-                )
-            found.append(growing)
-        return found[0] if len(found) == 1 else _joined(*found)
+        for number, part in enumerate(self.parts):
 
-    def _cells(
-        self, low: float, high: float, density: float, before: _Modes | None = None
-    ) -> _Modes:
-        if not high > low:
-            return self._modes(np.array([low]), 0.0, steady=False, prior=density)
-        width = (high - low) / _NODES
-        places = np.asarray(low + width * (np.arange(_NODES) + 0.5), dtype=np.float64)
-        start = None
-        if before is not None:
-            known = np.log(before.build_up)
-            start = np.column_stack([np.interp(places, known, q) for q in before.best.T])
-        return self._modes(
-            places, width, steady=False, prior=density + math.log(width), start=start
-        )
+            def added(at: FloatArray, part: RigPart = part) -> FloatArray:
+                return rod_excess(part.lay, self.coordinates.numbers(at[None], steady), part.used)
 
-    def _modes(
-        self,
-        places: FloatArray,
-        width: float,
-        *,
-        steady: bool,
-        prior: float | None = None,
-        start: FloatArray | None = None,
-    ) -> _Modes:
-        """Return the best coordinates at each ln L_c."""
-        count = places.size
-        build_up, flags = np.exp(places), np.full(count, steady)
+            value = added(u)
+            slopes = np.zeros((u.size, value.size))
+            if self.excess is not None:
+                slopes = self.excess[number].slopes.copy()
+            if information is not None:
+                steps = np.clip(np.sqrt(np.diag(np.linalg.inv(information))), *_ROD_STEPS)
+                for k, item in enumerate(self.coordinates.opened):
+                    if item.name in _EXACT or (steady[0] and item.name in _OF_BUILD_UP):
+                        continue
+                    aside = u.copy()
+                    aside[k] += steps[k] if u[k] < 0.0 else -steps[k]
+                    slopes[k] = (added(aside) - value) / (aside[k] - u[k])
+            found.append(RodExcess(at=u, value=value, slopes=slopes))
+        return found
 
-        def residuals(q: FloatArray) -> FloatArray:
-            repeated = (np.repeat(values, COUNT + 1) for values in (build_up, flags))
-            rows, _ = self._residuals(q.reshape(-1, COUNT), *repeated)
-            return rows.reshape(count, COUNT + 1, -1)
+    def draw(self, count: int) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
+        """Return coordinates, whether each is steady, and weights, see `weighted_draws`."""
+        modes = self.modes
+        spread = np.asarray(np.linalg.inv(modes.information), dtype=np.float64)
+        proposal = Mixture.of(modes.evidence, modes.best, spread, modes.steady)
+        # A probability of zero has no draws of its kind.
+        known = np.log(np.maximum([1.0 - self.prior.steady, self.prior.steady], 1.0e-300))
 
-        q, information, cost = optimum(
-            residuals,
-            np.tile(self._start, (count, 1)) if start is None else start,
-            probe=_PROBE,
-            steps=_STEPS,
-            settled=_SETTLED,
+        def density(u: FloatArray, steady: NDArray[np.bool_]) -> FloatArray:
+            residuals, more = self._residuals(u, steady)
+            found = known[steady.astype(int)] + more - 0.5 * (residuals**2).sum(axis=1)
+            return np.asarray(found)
+
+        return weighted_draws(proposal, density, count, rounds=_ROUNDS, enough=_ENOUGH)
+
+    def _residuals(self, u: FloatArray, steady: NDArray[np.bool_]) -> tuple[FloatArray, FloatArray]:
+        """Return residuals, the k of the prior last, and what else ln of the density has."""
+        rigs = self.coordinates.numbers(u, steady)
+        prior, more = self.coordinates.prior(u, rigs)
+        if self.excess is None:
+            rows = [part.residuals(rigs) for part in self.parts]
+        else:
+            pairs = zip(self.parts, self.excess, strict=True)
+            rows = [part.residuals(rigs, added(u)) for part, added in pairs]
+        return np.hstack([*rows, prior]), more
+
+    def _find(self, start: FloatArray) -> _Modes:
+        chance, size = self.prior.steady, start.shape[-1]
+        build_up = self.coordinates.place_of("build_up_length")
+        kinds = [(True, 0.0, 1.0, chance)] if chance > 0.0 else []
+        if chance < 1.0 and build_up is None:
+            kinds.append((False, 0.0, 1.0, 1.0 - chance))
+        elif chance < 1.0:
+            share = np.exp(-0.5 * _PLACES**2 / (1.0 - _NARROW**2))
+            share *= (1.0 - chance) / share.sum()
+            kinds += [(False, at, _NARROW, own) for at, own in zip(_PLACES, share, strict=True)]
+        steady, place, narrow, own = (np.array(row) for row in zip(*kinds, strict=True))
+        repeated = [np.repeat(values, size + 1) for values in (steady, place, narrow)]
+
+        def residuals(u: FloatArray) -> FloatArray:
+            flags, at, deviation = repeated
+            u = u.reshape(-1, size)
+            rows, _ = self._residuals(u, flags)
+            if build_up is not None:
+                rows[:, build_up - size] = (u[:, build_up] - at) / deviation
+            return rows.reshape(steady.size, size + 1, -1)
+
+        start = np.broadcast_to(start, (steady.size, size)).copy()
+        if build_up is not None:
+            start[:, build_up] = place
+        best, information, cost = optimum(
+            residuals, start, probe=_PROBE, steps=_STEPS, settled=_SETTLED
         )
         return _Modes(
-            build_up=build_up,
-            width=np.full(count, width),
-            steady=flags,
-            prior=np.full(count, math.log(self.prior.steady) if prior is None else prior),
-            best=q,
+            steady=steady,
+            prior=np.log(own) - np.log(narrow),
+            best=best,
             information=information,
             cost=cost,
         )
-
-
-def _joined(one: _Modes, other: _Modes) -> _Modes:
-    return _Modes(
-        **{
-            name: np.concatenate([getattr(one, name), getattr(other, name)])
-            for name in _Modes.__dataclass_fields__
-        }
-    )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -70,6 +71,8 @@ class TrackedRun:
     config: WindingConfig  # Everything of the model but what is sought
     inputs: Inputs  # Machine's motion and span tension, shape (n,) of INPUT_DTYPE
     readings: Readings  # Where markers lie
+    # Pull [N] that was commanded at cylinder angles [rad], of one shape; None: none was.
+    commanded: Callable[[FloatArray], FloatArray] | None = None
 
     def __post_init__(self) -> None:
         if self.config.case.material.prony.shares:
@@ -96,9 +99,15 @@ class TrackedRun:
         return float(self.tensions(self.inputs).max())
 
     def tensions(self, inputs: Inputs) -> FloatArray:
-        """Return the span tension [N] of inputs: measured, or the configuration's law."""
-        case, law = self.config.case, self.config.tension_law
-        measured = inputs["tension"]
-        wound = case.centreline_radius * np.maximum(inputs["cylinder_angle"], 0.0)
-        stated = [law(case.weight, case.cylinder_diameter, length) for length in wound.tolist()]
-        return np.where(np.isnan(measured), stated, measured)
+        """Return the span tension [N] of inputs, see `span_tensions`."""
+        return span_tensions(self.config, inputs)
+
+
+def span_tensions(config: WindingConfig, inputs: Inputs) -> FloatArray:
+    """Return the span tension [N] of inputs: measured, or the configuration's law."""
+    case, law = config.case, config.tension_law
+    found = inputs["tension"].copy()
+    stated = np.isnan(found)
+    wound = case.centreline_radius * np.maximum(inputs["cylinder_angle"][stated], 0.0)
+    found[stated] = [law(case.weight, case.cylinder_diameter, way) for way in wound.tolist()]
+    return np.asarray(found)

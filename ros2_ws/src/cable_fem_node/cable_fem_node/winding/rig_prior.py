@@ -26,6 +26,11 @@ class RigPrior:
         start_share: Range of f where it does build up; the span may start nearly slack.
         held: Range of how far behind the landing point friction begins to hold, over how far that
             is on the rod with its elements; those of a cable have no length.
+        friction: Range of Coulomb friction, even in its logarithm; two zeros: as configured.
+        law_share: Range of C01 / (C10 + C01), where the law is neo_hookean or mooney_rivlin.
+        brake_friction: Range of the share of a commanded pull by which the tension stays behind.
+        eye: Standard deviation of the cable's eye against the carriage [m].
+        camera_scale: Standard deviation of what the camera's distance does to z, relative.
         scatter: Standard deviation of every other marker's place beyond the tracker's [m].
     """
 
@@ -61,6 +66,11 @@ class RigPrior:
         _LONGEST, option="prior_build_up",
     )  # fmt: skip
     held: Sequence[float] = parameter([0.4, 1.1], "range of where friction begins to hold")
+    friction: Sequence[float] = parameter([0.0, 0.0], "range of the friction")
+    law_share: Sequence[float] = parameter([0.0, 0.0], "range of the share of C01")
+    brake_friction: Sequence[float] = parameter([0.0, 0.0], "range of the brake's own friction")
+    eye: float = parameter(0.0, "standard deviation of the eye's place on the carriage [m]")
+    camera_scale: float = parameter(0.0, "standard deviation of the scale of z")
     fixing: float = parameter(0.0, "standard deviation of where P0 was fixed along the cable [m]")
     scatter: float = parameter(0.0, "standard deviation of other markers' places [m]")
 
@@ -74,7 +84,7 @@ class RigPrior:
         for name in ("free_length", "load_share", "start_share", "build_up_length", "held"):
             if not getattr(self, name)[0] > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)[0]}")
-        for name in ("fixing", "scatter"):
+        for name in ("eye", "camera_scale", "fixing", "scatter"):
             if getattr(self, name) < 0.0:
                 raise ValueError(f"{name} must not be negative, got {getattr(self, name)}")
         if self.guide_drag[0] < 0.0:
@@ -97,4 +107,12 @@ KNOWN_TENSION = RigPrior(
     steady=1.0,
     build_up_length=(0.2, 0.2),
     held=(1.0, 1.0),
+)
+# What a run is commissioned with: friction and law are sought, brake, eye and camera allowed for.
+CELL = RigPrior(
+    friction=(0.06, 2.0),
+    law_share=(0.0, 0.6),
+    brake_friction=(0.0, 0.05),
+    eye=0.3e-3,
+    camera_scale=1.7e-3,
 )

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from cable_fem_node.winding.rig_prior import RigPrior
+from cable_fem_node.winding.rig_prior import CELL, RigPrior
 from winding_cli.run.configuration import configured
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from winding_cli.run.delivery import RunDelivery
     from winding_study.commissioning.design import Expected
     from winding_study.commissioning.motion import MachineReach, Motion
-    from winding_study.commissioning.unknowns import CellPrior
 
 _FULL_TURN = 2.0 * math.pi
 # What the machine does is chosen, and what is known of the tension is looked for: a cell file may
@@ -53,17 +52,7 @@ _PULL_SHARE = (0.3, 1.5)
 _MOST_MARKERS = 64
 _PROBED = 3.0  # How long an external machine is listened to [s]
 _SHOWN = 6
-
-_NUMBERS = (
-    Shown("", lambda item: item.words),
-    Shown("mean", lambda item: item.mean / item.unit, ".4g"),
-    Shown("deviation", lambda item: item.deviation / item.unit, ".2g"),
-    Shown("low", lambda item: item.low / item.unit, ".4g"),
-    Shown("high", lambda item: item.high / item.unit, ".4g"),
-    Shown("before, low", lambda item: item.prior_low / item.unit, ".4g"),
-    Shown("high", lambda item: item.prior_high / item.unit, ".4g"),
-    Shown("found", lambda item: "yes" if item.observed else "no"),
-)
+_DRAWS = 1500
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +60,7 @@ class Plan:
     """A run that is designed, before anything moves."""
 
     config: WindingConfig  # Of the cell as it is known
-    prior: CellPrior  # What was known
+    prior: RigPrior  # What was known
     reach: MachineReach  # Of the machine
     design: list[Expected]  # Every motion, the most telling first
 
@@ -167,10 +156,9 @@ def _planned(
     from winding_core.parameters import build
     from winding_study.commissioning.design import ranked
     from winding_study.commissioning.motion import MachineReach, candidates, clearing_advance
-    from winding_study.commissioning.unknowns import CellPrior
 
     ranges: dict[str, Any] = typed_values(RigPrior, known, spelled)
-    prior = CellPrior(rig=RigPrior(**ranges))
+    prior = replace(CELL, **ranges)
     what = spec.condition.resolved()
     markers = what.case.marker_count if "markers" in spec.given else _MOST_MARKERS
     what = replace(what, case=replace(what.case, marker_count=markers), tension_law=DeadWeight())
@@ -288,11 +276,11 @@ def _learn(
     cable_file: Path | None,
 ) -> None:
     """Identify the cell from the run, print and write what was found."""
-    from cable_fem_node.identification import IdentificationError
+    from cable_fem_node.identification import IdentificationError, identify_rig
+    from winding_cli.offline.identified import beliefs_table
     from winding_cli.run.tracked_lap import measured_run
     from winding_study.commissioning.design import ranked
     from winding_study.commissioning.motion import candidates
-    from winding_study.commissioning.posterior import identify_cell
     from winding_study.commissioning.result import (
         cable_of,
         cell_text_of,
@@ -304,12 +292,12 @@ def _learn(
     sign = math.copysign(1.0, planned.motion.drive.feed_speed)
     with refused(IdentificationError, code=FAILED), busy("identifying the cell"):
         run, clock = measured_run(delivery.result.buffer, planned.config, planned.motion)
-        posterior = identify_cell(run, planned.prior)
+        posterior = identify_rig([run], planned.prior, draws=_DRAWS)
         following = ranked(
             planned.config, candidates(planned.reach, sign), planned.prior, posterior
         )
     console = result_console()
-    console.print(record_table(_NUMBERS, posterior.found, title="What was found, 90 % intervals"))
+    console.print(beliefs_table(posterior.found, "What was found, 90 % intervals"))
     for sentence in (*remarks(posterior, following), clock):
         console.print(sentence, highlight=False, soft_wrap=True)
     source = f"commissioning run {delivery.directory}"

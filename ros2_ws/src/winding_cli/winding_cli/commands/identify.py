@@ -144,9 +144,10 @@ def _rig(runs: list[TrackedRun], use: int | None, prior: RigPrior) -> dict[str, 
     from cable_fem_node.identification import identify_rig
     from winding_cli.offline.identified import print_rig, rig_record
 
-    with busy(f"identifying the rig from {len(runs)} runs"):
-        record = rig_record(identify_rig(_first(runs, use), prior), runs)
-    print_rig(result_console(), record)
+    with busy("identifying the rig"):
+        posterior = identify_rig(_first(runs, use), prior)
+    record = rig_record(posterior, runs)
+    print_rig(result_console(), posterior, record)
     return record
 
 

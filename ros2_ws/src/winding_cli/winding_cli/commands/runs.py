@@ -90,7 +90,8 @@ def list_runs(
     total = sum(counts.values())
     found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     shown = f"; the newest {newest} are shown" if total > newest else ""
-    console.print(f"{total} runs: {found or 'none'}{shown}", highlight=False)
+    noun = "run" if total == 1 else "runs"
+    console.print(f"{total} {noun}: {found or 'none'}{shown}", highlight=False)
     _write(files, lambda: {"counts": counts, "runs": [row._asdict() for row in rows]}, rows)
 
 

@@ -13,8 +13,10 @@ from winding_core.units import MEGAPASCAL, MILLIMETRE, MILLIRADIAN
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from cable_fem_node.identification import Fit, ModulusEstimate, RigPosterior, TrackedRun
+    from cable_fem_node.identification.rig_posterior import Belief
     from winding_core.markers import Markers
     from winding_study.identification.constants import ConstantsEstimate
 
@@ -38,38 +40,24 @@ _MEASURED = (
     Shown("error, %", "error_pct", ".2f"),
 )
 _WITHIN = Shown("within, mm", "half_width_90_m", ".2f", MILLIMETRE)
-# Name, what people read, and one printed unit in SI.
-_RIG = (
-    ("young", "E, MPa", MEGAPASCAL),
-    ("effective_young", "E under the configured tension, MPa", MEGAPASCAL),
-    ("free_length", "free length, mm", MILLIMETRE),
-    ("load_share", "load share", 1.0),
-    ("guide_drag", "guide drag, N", 1.0),
-    ("start_share", "share of the tension at the start", 1.0),
-    ("build_up_length", "build-up length, mm", MILLIMETRE),
-)
 
 
-def _identified(belief: dict[str, Any]) -> str:
-    if belief["prior_deviation"] == 0.0:
-        return "known"
-    return "yes" if belief["told"] else "no"
-
-
-def _scaled(heading: str, key: str) -> Shown:
-    return Shown(heading, lambda belief: belief[key] / belief["unit"], ".4g")
+def _scaled(heading: str, key: str, digits: str = ".4g") -> Shown:
+    return Shown(heading, lambda belief: getattr(belief, key) / belief.unit, digits)
 
 
 _BELIEFS = (
-    Shown("", "title"),
+    Shown("", lambda belief: belief.words),
     _scaled("mean", "mean"),
-    _scaled("deviation", "deviation"),
+    _scaled("deviation", "deviation", ".2g"),
     _scaled("low", "low"),
     _scaled("high", "high"),
-    _scaled("before", "prior_deviation"),
-    Shown("identified by the markers", _identified),
+    _scaled("before, low", "prior_low"),
+    _scaled("high", "prior_high"),
+    Shown("identified by the markers", lambda belief: "yes" if belief.observed else "no"),
 )
-_READ = {name: title.split(",")[0] for name, title, _ in _RIG}
+# What `rig_record` has of each number.
+_RECORDED = ("mean", "deviation", "low", "high", "prior_deviation", "half_width_90")
 
 
 def print_modulus(console: Console, estimate: ModulusEstimate) -> dict[str, Any]:
@@ -183,15 +171,14 @@ def rig_record(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> dict[str,
     """Return the posterior as JSON, SI units."""
     return {
         "rig": {
-            name: dataclasses.asdict(belief)
-            | {"half_width_90": belief.half_width_90, "told": belief.observed}
+            name: {key: getattr(belief, key) for key in _RECORDED} | {"told": belief.observed}
             for name, belief in posterior.beliefs.items()
         },
         "names": list(posterior.names),
         "covariance": posterior.covariance.tolist(),
         "correlation": posterior.correlation.tolist(),
         "steady_probability": posterior.steady,
-        "untold": list(posterior.untold),
+        "untold": list(posterior.unobservable),
         "chi_square": posterior.chi_square,
         "measured": posterior.measured,
         "misfit": posterior.misfit,
@@ -202,31 +189,25 @@ def rig_record(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> dict[str,
     }
 
 
-def print_rig(console: Console, record: dict[str, Any]) -> None:
-    """Print what `rig_record` returned."""
-    beliefs = [record["rig"][name] | {"title": title, "unit": u} for name, title, u in _RIG]
+def beliefs_table(beliefs: Sequence[Belief], title: str) -> Table:
+    """Return a table of numbers before and after."""
+    return record_table(_BELIEFS, beliefs, words=1, title=title)
+
+
+def print_rig(console: Console, posterior: RigPosterior, record: dict[str, Any]) -> None:
+    """Print a posterior and what `rig_record` returned of it."""
     title = "The rig; nine times in ten between low and high"
-    console.print(record_table(_BELIEFS, beliefs, words=1, title=title))
-    for sentence in _remarks(record):
+    console.print(beliefs_table(posterior.found, title))
+    console.print(
+        f"probability that the tension does not build up: {posterior.steady:.0%}; "
+        f"sum of squares {posterior.chi_square:.3g} of {posterior.measured} numbers",
+        highlight=False,
+    )
+    for sentence in posterior.remarks():
         console.print(sentence, highlight=False)
     if record["predicted"]:
         columns = (_RUN, _MARKER, *_PLACE, _WITHIN, *_MEASURED)
         console.print(record_table(columns, record["predicted"], title="Remaining markers"))
-
-
-def _remarks(record: dict[str, Any]) -> Iterator[str]:
-    yield (
-        f"probability that the tension does not build up: {record['steady_probability']:.0%}; "
-        f"sum of squares {record['chi_square']:.3g} of {record['measured']} numbers"
-    )
-    if record["untold"]:
-        names = ", ".join(_READ[name] for name in record["untold"])
-        yield f"the markers do not tell, so that the prior remains: {names}"
-    if record["misfit"]:
-        yield (
-            "the markers contradict model and tracker: each was given a scatter of "
-            f"{record['scatter_m'] / MILLIMETRE:.2g} mm, and the widths say so"
-        )
 
 
 def _ahead(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> Iterator[dict[str, Any]]:

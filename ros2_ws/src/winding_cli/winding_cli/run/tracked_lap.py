@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from cable_fem_node.identification import IdentificationError
+from cable_fem_node.identification import IdentificationError, TrackedRun
 from cable_fem_node.identification.steady import SteadyMarkers
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.markers import MARKER_DTYPE
@@ -15,13 +15,14 @@ from winding_ros import topics
 from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_study.commissioning.design import SEEN_AFTER
 from winding_study.commissioning.motion import Motion
-from winding_study.commissioning.posterior import Measured
 
 # Every marker passes the camera once a turn; of the frames before, slip may have moved it since.
 _LAPS = 1.25
 
 
-def measured_run(buffer: RunBuffer, config: WindingConfig, motion: Motion) -> tuple[Measured, str]:
+def measured_run(
+    buffer: RunBuffer, config: WindingConfig, motion: Motion
+) -> tuple[TrackedRun, str]:
     """Return a finished run, and the tracker's report on the camera's clock.
 
     Args:
@@ -48,7 +49,8 @@ def measured_run(buffer: RunBuffer, config: WindingConfig, motion: Motion) -> tu
     readings = steady.readings()
     if readings is None:
         raise IdentificationError("no marker was measured steadily in the last turn")
-    return Measured(config=config, inputs=inputs, motion=motion, readings=readings), _clock(buffer)
+    run = TrackedRun(config=config, inputs=inputs, readings=readings, commanded=motion.commanded)
+    return run, _clock(buffer)
 
 
 def _clock(buffer: RunBuffer) -> str:

@@ -8,16 +8,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cable_fem_node.identification import Readings
+from cable_fem_node.dynamics.state import FloatArray
+from cable_fem_node.identification import Readings, RigPosterior, RigPrior, TrackedRun
+from cable_fem_node.identification.rig import Unknown, numbers_of, opened, unknowns_of
+from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_study.commissioning.lay import CellLay
 from winding_study.commissioning.motion import Motion
-from winding_study.commissioning.posterior import CellPosterior, whitening
-from winding_study.commissioning.unknowns import COUNT, Array, CellPrior, Unknown, numbers_of
 
 _PROBE = 1.0e-3
-# Cells of the prior over which sensitivities are averaged, the middle one among them.
-_CELLS = 4
+# Rigs of the prior over which sensitivities are averaged, the middle one among them.
+_RIGS = 4
 # What a tracker of the small cylinder measures a resting marker with, over the frames of a lap.
 SIGMA_THETA, SIGMA_Z = 1.1e-3, 0.04e-3
 # A marker is read once the cylinder has turned this much further [rad].
@@ -45,42 +46,45 @@ class Expected:
         return min(self.share, key=lambda name: self.share[name])
 
 
-def sensitivities(
-    lay: CellLay, unknowns: tuple[Unknown, ...], q: Array
-) -> tuple[Array, Readings | None]:
-    """Return the slopes of whitened angles and z, shape (COUNT, 2 m), and where markers lie.
+def sensitivities(lay: RigLay, prior: RigPrior, q: FloatArray) -> tuple[FloatArray, int]:
+    """Return the slopes of whitened angles and z, shape (k, 2 m), and how many markers land.
 
-    Forward differences of the closed form by the normal deviates of the numbers.
+    Forward differences of the closed form by the normal deviates of the open numbers.
 
     Args:
-        lay: Of the motion.
-        unknowns: What the numbers are.
-        q: Deviates of one cell, shape (COUNT,).
+        lay: Closed form of the motion.
+        prior: What the numbers are.
+        q: Deviates of one rig, shape (k,).
     """
-    rows = q + np.vstack([np.zeros(COUNT), _PROBE * np.eye(COUNT)])
-    places = lay(numbers_of(unknowns, rows))
-    seen = np.isfinite(places.theta).all(axis=0) & (places.theta[0] < lay.end - SEEN_AFTER)
-    if not seen.any():
-        return np.zeros((COUNT, 0)), None
-    ids = np.flatnonzero(seen) + 1
-    readings = Readings(
-        ids=ids.astype(np.int64),
-        theta=places.theta[0, seen],
-        z=places.z[0, seen],
-        sigma_theta=np.full(ids.size, SIGMA_THETA),
-        sigma_z=np.full(ids.size, SIGMA_Z),
-    )
-    both = np.hstack([places.theta[:, seen], places.z[:, seen]])
-    slope = (both[1:] - both[0]) / _PROBE
+    unknowns = unknowns_of(prior, lay.config)
     middle = numbers_of(unknowns, q[None])
-    return slope @ whitening(readings, lay, middle).T, readings
+    theta, z = (row[0] for row in lay(middle))
+    seen = theta < lay.end - SEEN_AFTER
+    if not seen.any():
+        return np.zeros((q.size, 0)), 0
+    ids = np.flatnonzero(seen) + 1
+    run = TrackedRun(
+        config=lay.config,
+        inputs=lay.inputs,
+        readings=Readings(
+            ids=ids.astype(np.int64),
+            theta=theta[seen],
+            z=z[seen],
+            sigma_theta=np.full(ids.size, SIGMA_THETA),
+            sigma_z=np.full(ids.size, SIGMA_Z),
+        ),
+    )
+    part = RigPart.of(run, lay, prior, middle)
+    probes = q + np.vstack([np.zeros(q.size), _PROBE * np.eye(q.size)])
+    rows = part.residuals(numbers_of(unknowns, probes))
+    return (rows[1:] - rows[0]) / _PROBE, ids.size
 
 
 def ranked(
     config: WindingConfig,
     motions: Iterable[Motion],
-    prior: CellPrior,
-    known: CellPosterior | None = None,
+    prior: RigPrior,
+    known: RigPosterior | None = None,
 ) -> list[Expected]:
     """Return the expected information of every motion, the most first.
 
@@ -90,50 +94,41 @@ def ranked(
         prior: What was known before.
         known: What a run has determined since; None before the first.
     """
-    unknowns = prior.unknowns(config)
-    asked = [k for k, item in enumerate(unknowns) if item.asked and not item.known]
+    sought = opened(unknowns_of(prior, config))
     if known is None:
-        rng = np.random.default_rng(2)
-        places: Array = np.vstack([np.zeros(COUNT), 0.7 * rng.standard_normal((_CELLS - 1, COUNT))])
-        before: Array = np.eye(COUNT)
+        rng, size = np.random.default_rng(2), len(sought)
+        others = 0.7 * rng.standard_normal((_RIGS - 1, size))
+        places, before = np.vstack([np.zeros(size), others]), np.eye(size)
     else:
-        places, before = known.deviates[None], known.covariance
-    # What is known has no deviation to lose.
-    held = np.array([item.known for item in unknowns])
-    if known is not None:
-        before = before + np.diag(np.where(held, 1.0, 1.0e-9))
-    prior_information = np.asarray(np.linalg.inv(before), dtype=np.float64)
-    rows = [
-        _expected(config, motion, unknowns, asked, places, before, prior_information)
-        for motion in motions
-    ]
+        places, before = known.deviates[None], known.spread + 1.0e-9 * np.eye(len(sought))
+    rows = [_expected(config, motion, prior, sought, places, before) for motion in motions]
     return sorted(rows, key=lambda row: -row.gain)
 
 
 def _expected(
     config: WindingConfig,
     motion: Motion,
-    unknowns: tuple[Unknown, ...],
-    asked: list[int],
-    places: Array,
-    before: Array,
-    information: Array,
+    prior: RigPrior,
+    sought: tuple[Unknown, ...],
+    places: FloatArray,
+    before: FloatArray,
 ) -> Expected:
-    lay = CellLay(config, motion.inputs(), motion)
+    lay = RigLay(config, motion.inputs(), commanded=motion.commanded)
+    information = np.asarray(np.linalg.inv(before))
     gains, shares, markers = [], [], 0
+    asked = [k for k, item in enumerate(sought) if item.asked]
     own = np.ix_(asked, asked)
     volume = np.linalg.slogdet(before[own])[1]
     for place in places:
-        slope, readings = sensitivities(lay, unknowns, place)
+        slope, landed = sensitivities(lay, prior, place)
         after = np.linalg.inv(information + slope @ slope.T)
         gains.append(0.5 * (volume - np.linalg.slogdet(after[own])[1]))
         shares.append(np.sqrt(np.diag(after) / np.diag(before)))
-        if readings is not None and not markers:
-            markers = readings.ids.size
+        markers = markers or landed
     mean = np.mean(shares, axis=0)
     return Expected(
         motion=motion,
         gain=float(np.mean(gains)) if math.isfinite(float(np.mean(gains))) else -math.inf,
-        share={unknowns[k].name: float(mean[k]) for k in asked},
+        share={sought[k].name: float(mean[k]) for k in asked},
         markers=markers,
     )

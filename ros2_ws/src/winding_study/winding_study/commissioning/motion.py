@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from winding_core.machine.drive import DriveProfile
 from winding_core.parameters import ParameterError
 from winding_core.run_inputs import Inputs, planned_inputs
-from winding_study.commissioning.unknowns import Array
 
 # Machine time of a commissioning run [s].
 LONGEST = 60.0
@@ -94,9 +94,14 @@ class Motion:
         """Cylinder angle at the end [rad]."""
         return float(self.drive.positions(self.duration)[0])
 
-    def pull_at(self, angle: Array | float) -> Array:
+    def pull_at(self, angle: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the pull [N] at cylinder angles [rad], same shape."""
         return np.asarray(np.interp(angle, self.angles, self.pulls))
+
+    @property
+    def commanded(self) -> Callable[[NDArray[np.float64]], NDArray[np.float64]] | None:
+        """Commanded pull [N] at cylinder angles [rad], as a tracked run takes it; None: none is."""
+        return self.pull_at if self.commands_pull else None
 
     def inputs(self) -> Inputs:
         """Return the motion as inputs of a model; their tension is the pull at the guide."""

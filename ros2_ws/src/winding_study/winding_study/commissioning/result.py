@@ -7,14 +7,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import numpy as np
-
-from cable_fem_node.identification.rig_posterior import covariance_of
+from cable_fem_node.identification import RigPosterior
 from winding_core.catalogue.cables import PROPERTIES, Cable, check_cable
 from winding_core.run_spec import RunSpec
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_study.commissioning.design import Expected
-from winding_study.commissioning.posterior import CellPosterior
 
 # Number -> option of a cell file and one of its units in SI.
 _CELL_OPTIONS = {
@@ -31,7 +28,7 @@ _REPLACED = {"guide_distance_mm", "tension_diameter_gain_n", "tension_reference_
 _OF_THE_RUN = {"omega_rad_s", "feed_mm_s", "duration_s", "turns", "output", "bag", "lay"}
 
 
-def cable_of(name: str, spec: RunSpec, posterior: CellPosterior, source: str) -> Cable:
+def cable_of(name: str, spec: RunSpec, posterior: RigPosterior, source: str) -> Cable:
     """Return the cable that was found, at the best numbers, whose deviations belong to it.
 
     Args:
@@ -53,11 +50,11 @@ def cable_of(name: str, spec: RunSpec, posterior: CellPosterior, source: str) ->
     properties |= {
         key: spec.given[key] for key in PROPERTIES if key in spec.given and key not in properties
     }
-    uncertainty = {"young_mpa": _rounded(posterior.of("young").deviation / MEGAPASCAL)}
+    uncertainty = {"young_mpa": _rounded(posterior.beliefs["young"].deviation / MEGAPASCAL)}
     share = float(best["law_share"][0])
     if share > 0.0:
         properties |= {"law": "mooney_rivlin", "mooney_ratio": _rounded(share / (1.0 - share))}
-        deviation = posterior.of("law_share").deviation / (1.0 - share) ** 2
+        deviation = posterior.beliefs["law_share"].deviation / (1.0 - share) ** 2
         uncertainty["mooney_ratio"] = _rounded(deviation)
     return check_cable(
         Cable(
@@ -72,7 +69,7 @@ def cable_of(name: str, spec: RunSpec, posterior: CellPosterior, source: str) ->
     )
 
 
-def cell_text_of(spec: RunSpec, posterior: CellPosterior, cable_file: str, source: str) -> str:
+def cell_text_of(spec: RunSpec, posterior: RigPosterior, cable_file: str, source: str) -> str:
     """Return the cell file that was found; its head has every number with its 90 % interval.
 
     Args:
@@ -99,7 +96,7 @@ def cell_text_of(spec: RunSpec, posterior: CellPosterior, cable_file: str, sourc
     return "\n".join(head) + "\n" + dataclasses.replace(made, given=own).text()
 
 
-def number_lines(posterior: CellPosterior) -> Iterator[str]:
+def number_lines(posterior: RigPosterior) -> Iterator[str]:
     """Yield every number with its interval, or that it is unobservable."""
     for item in posterior.found:
         low, high = item.low / item.unit, item.high / item.unit
@@ -109,25 +106,17 @@ def number_lines(posterior: CellPosterior) -> Iterator[str]:
         yield line
 
 
-def remarks(posterior: CellPosterior, following: Sequence[Expected]) -> Iterator[str]:
+def remarks(posterior: RigPosterior, following: Sequence[Expected]) -> Iterator[str]:
     """Yield what stays unknown, why, and the most informative next run."""
-    left = [item.words.split(",")[0] for item in posterior.found if not item.observed]
-    if left:
-        yield f"unobservable in this run, the prior remains: {', '.join(left)}"
+    yield from posterior.remarks()
     yield (
         "markers determine modulus, load share and drag by their ratios alone: a tensile test or a "
         "load cell at the cylinder tells the modulus itself, no run does"
     )
-    if posterior.misfit > 1.0:
-        yield (
-            f"the markers fit no cell within their deviations (sum of squares "
-            f"{posterior.chi_square:.3g} of {posterior.measured}): all intervals are "
-            f"{posterior.misfit:.2g} times as wide"
-        )
     if following:
         best = following[0]
         share = best.share[best.most]
-        words = next(item.words for item in posterior.unknowns if item.name == best.most)
+        words = posterior.beliefs[best.most].words
         yield (
             f"the next run that tells most, {best.gain:.2g} nat: {best.motion.sentence}; it "
             f"narrows {words.split(',')[0]} to {share:.0%} of what is known now"
@@ -135,25 +124,22 @@ def remarks(posterior: CellPosterior, following: Sequence[Expected]) -> Iterator
 
 
 def commissioning_record(
-    posterior: CellPosterior, design: Sequence[Expected], following: Sequence[Expected]
+    posterior: RigPosterior, design: Sequence[Expected], following: Sequence[Expected]
 ) -> dict[str, Any]:
     """Return everything that was found as JSON values, SI units."""
-    names = [item.name for item in posterior.unknowns]
     return {
         "numbers": {
             item.name: {**dataclasses.asdict(item), "observed": item.observed}
             for item in posterior.found
         },
-        "names": names,
-        "best": [float(posterior.best[name][0]) for name in names],
-        "covariance": covariance_of(
-            np.column_stack([posterior.draws[name] for name in names]), posterior.weights
-        ).tolist(),
+        "names": list(posterior.names),
+        "best": [float(posterior.best[name][0]) for name in posterior.names],
+        "covariance": posterior.covariance.tolist(),
         "unobservable": list(posterior.unobservable),
         "chi_square": posterior.chi_square,
         "measured": posterior.measured,
         "misfit": posterior.misfit,
-        "rod_calls": posterior.rod_calls,
+        "scatter_m": posterior.scatter,
         "design": [expected_record(item) for item in design],
         "next": [expected_record(item) for item in following],
     }

@@ -23,13 +23,12 @@ def main() -> None:
         outside = [
             f"{item.name} {cell.hidden[item.name]:.4g} not in {item.low:.4g}..{item.high:.4g}"
             for item in cell.commissioned.found
-            if not item.low <= cell.hidden[item.name] <= item.high
+            if item.name in cell.hidden and not item.low <= cell.hidden[item.name] <= item.high
         ]
         print(
             f"seed {seed}, case {cell.case}: {cell.motion}; chi-square "
-            f"{cell.commissioned.chi_square:.1f} of {cell.commissioned.measured}; rods "
-            f"{cell.commissioned.rod_calls}; next run at most "
-            f"{abs(cell.missed).max():.2%}; {cell.cpu:.1f} s; outside: {outside}",
+            f"{cell.commissioned.chi_square:.1f} of {cell.commissioned.measured}; next run "
+            f"at most {abs(cell.missed).max():.2%}; {cell.cpu:.1f} s; outside: {outside}",
             flush=True,
         )
     print(study_text(cells))

@@ -14,7 +14,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import SolverError
-from cable_fem_node.identification import IdentificationError, Readings
+from cable_fem_node.identification import (
+    IdentificationError,
+    Readings,
+    RigPosterior,
+    RigPrior,
+    TrackedRun,
+    identify_rig,
+)
+from cable_fem_node.identification.rig import (
+    Numbers,
+    numbers_of,
+    opened,
+    unknowns_of,
+    with_ratios,
+)
+from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.rig_rod import rod_places, rod_run
+from cable_fem_node.winding.rig_prior import CELL
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
@@ -22,10 +39,7 @@ from winding_core.cable.condition import Condition
 from winding_core.helix import curve_length
 from winding_core.markers import is_wound
 from winding_study.commissioning.design import SEEN_AFTER, ranked
-from winding_study.commissioning.lay import CellLay
 from winding_study.commissioning.motion import LONGEST, MachineReach, Motion, candidates
-from winding_study.commissioning.posterior import CellPosterior, Measured, identify_cell
-from winding_study.commissioning.unknowns import COUNT, CellPrior, Numbers, numbers_of
 from winding_verification.closed_loop.run import CameraErrors
 
 Array = NDArray[np.float64]
@@ -40,7 +54,7 @@ _TRAVEL = 0.3  # Of the carriage [m]
 # The next run pulls and feeds by these shares of the condition's weight and feed, so long [s].
 _NEXT_PULL, _NEXT_FEED, _NEXT_DURATION = 0.8, 0.7, 20.0
 _MARKERS = 40
-_DRAWS = 20
+_DRAWS, _POSTERIOR = 20, 1500
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -51,8 +65,8 @@ class CommissionedCell:
     case: int  # Row of Table 1
     motion: str  # That was chosen
     hidden: dict[str, float]  # By name
-    commissioned: CellPosterior  # After the chosen run
-    plain: CellPosterior | None  # After a run of the same length as in the paper
+    commissioned: RigPosterior  # After the chosen run
+    plain: RigPosterior | None  # After a run of the same length as in the paper
     missed: Array  # Of the next run's lengths, relative, shape (m,)
     cpu: float  # Of design and fit [s]
 
@@ -71,7 +85,7 @@ def commissioned_cell(seed: int, *, plain: bool = True) -> CommissionedCell:
     case = 1 + seed % 12
     what = Condition(case=case, law="neo_hookean", markers=_MARKERS).resolved()
     config = SolverParameters().config_of(what)
-    prior, weight = CellPrior(), what.case.weight
+    prior, weight = CELL, what.case.weight
     drive = what.drive
     reach = MachineReach(
         speeds=(drive.angular_speed, drive.angular_speed),
@@ -102,45 +116,43 @@ def commissioned_cell(seed: int, *, plain: bool = True) -> CommissionedCell:
     else:
         raise IdentificationError(f"seed {seed}: no cell of {_DRAWS} can be wound")
     began = time.process_time()
-    commissioned = identify_cell(runs[0][0], prior)
+    commissioned = identify_rig([runs[0][0]], prior, draws=_POSTERIOR)
     cpu += time.process_time() - began
-    ahead = CellLay(config, following.inputs(), following).rod(commissioned.best)
-    readings, truth = runs[2][0].readings, runs[2][1]
-    used = readings.ids - 1
+    lay = RigLay(config, following.inputs(), commanded=following.commanded)
+    theta, z = rod_places(lay, commissioned.best)
+    used, truth = runs[2][0].readings.ids - 1, runs[2][1]
     radius = what.case.centreline_radius
-    predicted = curve_length(radius, ahead.theta[0, used], ahead.z[0, used])
+    predicted = curve_length(radius, theta[used], z[used])
     return CommissionedCell(
         seed=seed,
         case=case,
         motion=chosen.sentence,
         hidden={name: float(value[0]) for name, value in hidden.items()},
         commissioned=commissioned,
-        plain=identify_cell(runs[1][0], prior) if plain else None,
+        plain=identify_rig([runs[1][0]], prior, draws=_POSTERIOR) if plain else None,
         missed=np.asarray(predicted) / curve_length(radius, truth[0], truth[1]) - 1.0,
         cpu=cpu,
     )
 
 
-def _drawn(config: WindingConfig, prior: CellPrior, rng: np.random.Generator) -> Numbers:
-    unknowns = prior.unknowns(config)
-    hidden = numbers_of(unknowns, rng.standard_normal((1, COUNT)))
-    hidden["young_per_share"] = hidden["young"] / hidden["load_share"]
-    hidden["drag_per_share"] = hidden["guide_drag"] / hidden["load_share"]
-    return hidden
+def _drawn(config: WindingConfig, prior: RigPrior, rng: np.random.Generator) -> Numbers:
+    unknowns = unknowns_of(prior, config)
+    hidden = numbers_of(unknowns, rng.standard_normal((1, len(opened(unknowns)))))
+    if rng.random() < prior.steady:
+        hidden["start_share"] = np.ones(1)
+    return with_ratios(hidden)
 
 
 def _measured(
     config: WindingConfig, motion: Motion, hidden: Numbers, rng: np.random.Generator
-) -> tuple[Measured, tuple[Array, Array]]:
+) -> tuple[TrackedRun, tuple[Array, Array]]:
     """Return what the run leaves, and where the used markers truly lie, shape (m,) each.
 
     Raises:
         SolverError, ValueError: The cable cannot be wound, or no marker lands.
     """
-    lay = CellLay(config, motion.inputs(), motion)
-    wound = lay.rod_config(hidden)
+    wound, inputs = rod_run(RigLay(config, motion.inputs(), commanded=motion.commanded), hidden)
     wound = dataclasses.replace(wound, segment_length=_FINER * wound.resolved.segment)
-    inputs = lay.rod_inputs(hidden)
     inputs = inputs[inputs["t"] <= motion.duration]
     # The eye stands beside its place on the carriage from the first turn on.
     eye = float(hidden["eye"][0])
@@ -168,7 +180,10 @@ def _measured(
     )
     seen_inputs = motion.inputs()
     seen_inputs["tension"] += _LOAD_CELL * rng.standard_normal(seen_inputs.size)
-    return Measured(config=config, inputs=seen_inputs, motion=motion, readings=readings), (theta, z)
+    run = TrackedRun(
+        config=config, inputs=seen_inputs, readings=readings, commanded=motion.commanded
+    )
+    return run, (theta, z)
 
 
 def study_text(cells: list[CommissionedCell]) -> str:
@@ -177,7 +192,9 @@ def study_text(cells: list[CommissionedCell]) -> str:
     inside_all: list[bool] = []
     for item in cells[0].commissioned.found:
         name = item.name
-        found = [cell.commissioned.of(name) for cell in cells]
+        if name not in cells[0].hidden:
+            continue
+        found = [cell.commissioned.beliefs[name] for cell in cells]
         inside = [
             one.low <= cell.hidden[name] <= one.high for cell, one in zip(cells, found, strict=True)
         ]
@@ -189,7 +206,7 @@ def study_text(cells: list[CommissionedCell]) -> str:
             f"{np.mean([not one.observed for one in found]):.0%}"
         )
         ratio = [
-            one.half_width_90 / cell.plain.of(name).half_width_90
+            one.half_width_90 / cell.plain.beliefs[name].half_width_90
             for cell, one in zip(cells, found, strict=True)
             if cell.plain is not None
         ]
@@ -204,7 +221,7 @@ def study_text(cells: list[CommissionedCell]) -> str:
         f"all numbers: {np.mean(inside_all):.1%} inside their 90 % intervals",
         f"next run: {missed.size} markers, {np.mean(missed < 0.005):.1%} within 0.5 %, "
         f"median {np.median(missed):.3%}, at most {missed.max():.2%}",
-        f"misfits: {sum(cell.commissioned.misfit > 1.0 for cell in cells)}",
+        f"misfits: {sum(cell.commissioned.misfit for cell in cells)}",
         f"CPU of design and fit: mean {np.mean([cell.cpu for cell in cells]):.1f} s, at most "
         f"{max(cell.cpu for cell in cells):.1f} s",
     ]
