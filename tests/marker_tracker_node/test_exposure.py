@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from marker_film import DRIVE
 
-from marker_tracker_node.camera.exposure_advice import (
+from marker_tracker_node.detection.exposure_advice import (
     MOST_SMEAR,
     PictureLevels,
     exposure_advice,

@@ -310,13 +310,13 @@ def check_film(
     from itertools import islice
 
     from marker_tracker_node.camera.calibration import read_camera
-    from marker_tracker_node.camera.exposure_advice import (
+    from marker_tracker_node.camera.frame_sources import FrameSource, is_bag, read_bag
+    from marker_tracker_node.camera.image_formats import PixelReader
+    from marker_tracker_node.detection.exposure_advice import (
         exposure_advice,
         marker_speed,
         picture_levels,
     )
-    from marker_tracker_node.camera.frame_sources import FrameSource, is_bag, read_bag
-    from marker_tracker_node.camera.image_formats import PixelReader
 
     def built(record: Any, given: Typed) -> Any:
         return build(record, typed_values(record, given, spelled), owner="winding check-film")
