@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from arms import HOME, NAMES, tool, written
 
-from winding_core.arm.kinematics import Arm, ArmError
+from winding_core.arm.joint import ArmError
+from winding_core.arm.kinematics import Arm
 from winding_core.arm.rigid import Pose
 
 # Of rounding through the description's decimals [m].

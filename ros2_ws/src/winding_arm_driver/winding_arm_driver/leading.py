@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from winding_core.arm.arm_file import Commands
-from winding_core.arm.kinematics import Arm, ArmError
+from winding_core.arm.joint import ArmError
+from winding_core.arm.kinematics import Arm
 from winding_core.arm.rigid import FloatArray, Pose
 from winding_core.machine.commanded_axis import CommandedAxis, MotionLimits, Target
 from winding_core.machine.commands import CARRIAGE, AxisTarget

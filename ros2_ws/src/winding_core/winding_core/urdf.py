@@ -180,13 +180,11 @@ def machine_urdf(
 
 def _arm(path: ArmPath) -> dict[str, object]:
     """Return the arm's description, and where it stands and carries the guide."""
-    from markupsafe import Markup  # noqa: PLC0415
-
     guide = path.mapping.guide
     root = ElementTree.fromstring(Path(guide.urdf).read_text(encoding="utf-8"))
     base, eye = path.base, path.guide
     return {
-        "links": Markup("\n".join(ElementTree.tostring(part, "unicode") for part in root)),
+        "links": "\n".join(ElementTree.tostring(part, "unicode") for part in root),
         "base": guide.base,
         "tip": guide.tip,
         "base_xyz": base.position.tolist(),

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from winding_core.arm.arm_file import ArmMapping
-from winding_core.arm.kinematics import NEAR, Arm, ArmError, Joint
+from winding_core.arm.joint import ArmError, Joint
+from winding_core.arm.kinematics import NEAR, Arm
 from winding_core.arm.rigid import FloatArray, Pose
 from winding_core.units import MILLIMETRE
 

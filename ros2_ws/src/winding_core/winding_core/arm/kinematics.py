@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio
 
+from winding_core.arm.joint import SPEED_SHARE, ArmError, Joint
 from winding_core.arm.rigid import FloatArray, Pose
 
 # A step of the inverse kinematics ends when the tip is so near [m], [rad].
@@ -16,23 +16,8 @@ NEAR = 1.0e-6
 _MOST_STEPS = 30
 # Damping of the least squares, beside singular values of about one: moves little where none is.
 _DAMPING = 1.0e-4
-# A joint may go at this share of its largest speed: the rest is for its servo.
-SPEED_SHARE = 0.9
 # Keeps a quotient finite where a joint does not move, or its description allows no speed.
 _NO_SHARE = 1.0e-9
-
-
-class ArmError(ValueError):
-    """A URDF cannot be used, or a pose is out of the arm's reach."""
-
-
-class Joint(NamedTuple):
-    """Limits of a joint."""
-
-    name: str  # In description and joint states
-    low: float  # Start of its travel [rad or m]
-    high: float  # End of its travel [rad or m]
-    speed: float  # Largest speed [rad/s or m/s]
 
 
 class Arm:

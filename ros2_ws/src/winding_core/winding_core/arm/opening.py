@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.arm.arm_file import MappingError, read_mapping
 from winding_core.cable.condition import ResolvedCondition
 
 if TYPE_CHECKING:
@@ -40,6 +39,9 @@ def arm_beside(file: str, radius: float, free_length: float) -> ArmPath | None:
     """
     if not file:
         return None
+    # A machine without an arm begins without SciPy.
+    from winding_core.arm.arm_file import MappingError, read_mapping  # noqa: PLC0415
+
     mapping = read_mapping(Path(file))
     try:
         arm_path = importlib.import_module("winding_core.arm.arm_path")

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from winding_core.arm.arm_path import ArmPath
-from winding_core.arm.kinematics import SPEED_SHARE, ArmError
+from winding_core.arm.joint import SPEED_SHARE, ArmError
 from winding_core.machine.readings import GuidePlace
 from winding_rig_node.machine.axis import (
     AxisConfig,
@@ -25,6 +25,9 @@ from winding_rig_node.machine.axis import (
     read_encoder,
     tuned_pid,
 )
+
+if TYPE_CHECKING:
+    from winding_core.arm.arm_path import ArmPath
 
 FloatArray = NDArray[np.float64]
 
