@@ -13,8 +13,8 @@ from winding_ros.graph import GRAPH
 # Each costs a process between a tenth and a whole second of processor time.
 HEAVY = (
     "scipy.integrate", "scipy.interpolate", "scipy.linalg", "scipy.optimize", "scipy.sparse",
-    "scipy.spatial", "scipy.special", "scipy.stats", "sklearn", "joblib", "matplotlib", "torch",
-    "uvicorn", "pyarrow", "rosbags", "mcap", "asyncua",
+    "scipy.spatial", "scipy.special", "scipy.stats", "sklearn", "joblib", "matplotlib", "pinocchio",
+    "torch", "uvicorn", "pyarrow", "rosbags", "mcap", "asyncua",
 )  # fmt: skip
 # What a core is made of; help needs no core.
 CORES = ("numpy", "numba", "cv2", "rclpy", "yaml")
