@@ -7,14 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
+from arm_example import EXAMPLE, arm_file
 
 from winding_core.cable.cases import paper_case
 from winding_recorder.bags.reading import messages_of, opened
 
 pytestmark = [pytest.mark.processes, pytest.mark.timeout(600)]
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "arm" / "arm.yaml"
 RHO, FREE = paper_case(4).centreline_radius, 0.198
 # P1 has landed, and P2 is wound at the end; the lay is the machine's own.
 RUN = ("--case", 4, "--duration-s", 9, "--speed", 0, "--lay", "driven", "--seed", 5)
@@ -41,13 +40,10 @@ def test_arm_lays_what_the_carriage_lays(command: Callable[..., Any], tmp_path: 
 def test_span_that_grows_by_a_third_is_wound_predicted_and_tracked(
     command: Callable[..., Any], tmp_path: Path
 ) -> None:
-    content = yaml.safe_load(EXAMPLE.read_text())
-    content["guide"]["urdf"] = str(EXAMPLE.parent / "six-axis.urdf")
-    content["path"] |= {"along_m": [0.0, 0.03], "span_m": [FREE, 1.3 * FREE]}
-    (tmp_path / "arm.yaml").write_text(yaml.safe_dump(content))
+    file = arm_file(tmp_path, path={"along_m": [0.0, 0.03], "span_m": [FREE, 1.3 * FREE]})
     run, bag, truth = tmp_path / "run", tmp_path / "bag", tmp_path / "truth.json"
     done = command(
-        *("run", *RUN, "--machine-file", tmp_path / "arm.yaml"),
+        *("run", *RUN, "--machine-file", file),
         *("--output", run, "--bag", bag, "--truth", truth),
         cwd=tmp_path,
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio
 import pytest
-import yaml
+from arm_example import arm_file
 
 from winding_core.arm.arm_path import ArmPath
 from winding_core.arm.opening import check_arm, open_arm
@@ -14,21 +14,9 @@ from winding_core.cable.condition import Condition
 from winding_core.machine.axes import MachineAxes
 from winding_core.urdf import BASE, GUIDE, machine_urdf
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "arm" / "arm.yaml"
 WHAT = Condition(case=4).resolved()
 # Of inverse kinematics, which end within a micrometre [m].
 NEAR = 2.0e-6
-
-
-def arm(folder: Path, **sections: dict[str, object]) -> str:
-    """Write the example with other values in some sections."""
-    content = yaml.safe_load(EXAMPLE.read_text())
-    for name, values in sections.items():
-        content[name] |= values
-    (folder / "six-axis.urdf").write_bytes((EXAMPLE.parent / "six-axis.urdf").read_bytes())
-    file = folder / "arm.yaml"
-    file.write_text(yaml.safe_dump(content))
-    return str(file)
 
 
 def opened(file: str) -> ArmPath:
@@ -38,7 +26,7 @@ def opened(file: str) -> ArmPath:
 
 
 def test_eye_keeps_the_tangent_plane_and_the_span(tmp_path: Path) -> None:
-    path = opened(arm(tmp_path, path={"along_m": [0.0, 0.2], "span_m": [0.2, 0.3]}))
+    path = opened(arm_file(tmp_path, path={"along_m": [0.0, 0.2], "span_m": [0.2, 0.3]}))
     joints = path.start
     for along in np.linspace(0.0, 0.2, 41).tolist():
         joints = path.joints_at(along, joints)
@@ -47,7 +35,7 @@ def test_eye_keeps_the_tangent_plane_and_the_span(tmp_path: Path) -> None:
 
 
 def test_slopes_are_the_change_of_the_eye(tmp_path: Path) -> None:
-    path, step = opened(arm(tmp_path)), 1.0e-6
+    path, step = opened(arm_file(tmp_path)), 1.0e-6
     slopes = path.slopes(path.start)
     for k in range(6):
         one = step * np.eye(6)[k]
@@ -58,8 +46,8 @@ def test_slopes_are_the_change_of_the_eye(tmp_path: Path) -> None:
 
 def test_way_of_the_example_is_allowed(tmp_path: Path) -> None:
     end = WHAT.drive.positions(WHAT.duration)[1]
-    assert check_arm(arm(tmp_path), WHAT, end, WHAT.drive.feed_speed) is not None
-    assert check_arm("", WHAT, end, 100.0) is None
+    check_arm(opened(arm_file(tmp_path)), WHAT, end, WHAT.drive.feed_speed)
+    assert open_arm("", WHAT) is None
 
 
 @pytest.mark.parametrize(
@@ -107,11 +95,11 @@ def test_what_the_arm_cannot_do_is_refused_with_its_number(
     tmp_path: Path, sections: dict[str, dict[str, object]], end: float, speed: float, sentence: str
 ) -> None:
     with pytest.raises(ValueError, match=sentence):
-        check_arm(arm(tmp_path, **sections), WHAT, np.array([end]), speed)
+        check_arm(opened(arm_file(tmp_path, **sections)), WHAT, np.array([end]), speed)
 
 
 def test_description_of_the_machine_holds_the_arm_and_its_eye(tmp_path: Path) -> None:
-    path = opened(arm(tmp_path))
+    path = opened(arm_file(tmp_path))
     urdf = machine_urdf(WHAT, MachineAxes(), arm=path)
     joints = path.joints_at(0.1, path.start)
     # Pinocchio reads the whole description; the joints of rig/joint_states move it.

@@ -2,10 +2,10 @@
 
 import re
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from arm_example import EXAMPLE
 
 from winding_core.cable.cases import paper_case
 from winding_core.machine.readings import AxisReading, GuidePlace
@@ -13,7 +13,6 @@ from winding_core.markers import MARKER_DTYPE
 from winding_dashboard.drawings.arm_view import SIZE, ArmView
 from winding_dashboard.state.view_state import ViewState
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "arm" / "arm.yaml"
 CASE = paper_case(4)
 PLACE = GuidePlace.beside(CASE.centreline_radius, 0.198)
 

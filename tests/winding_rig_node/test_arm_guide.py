@@ -1,6 +1,5 @@
 """The guide on an arm in place of the carriage: it leads as one, and says where it cannot."""
 
-import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
+from arm_example import arm_file
 
 from winding_core.arm.arm_path import ArmPath
 from winding_core.arm.opening import open_arm
@@ -21,23 +20,10 @@ from winding_rig_node.machine.faults import Faults, parse_faults
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import SENSORS, MachineConfig, Phase, cylinder_axis
 
-EXAMPLE = Path(__file__).parents[2] / "examples" / "arm" / "arm.yaml"
 WHAT = Condition(case=4, duration=4.0).resolved()
 RHO, FREE = WHAT.case.centreline_radius, WHAT.free_length
 # Most of the time a servo of 12 Hz is behind its plan by a hundredth of a second's way [m].
 SERVO = 5.0e-5
-
-
-def arm_file(folder: Path, joint_speed: float = math.pi, **path: object) -> str:
-    """Write the example with other joint speeds [rad/s] and another section path."""
-    content = yaml.safe_load(EXAMPLE.read_text())
-    content["path"] |= path
-    description = (EXAMPLE.parent / "six-axis.urdf").read_text()
-    limits = re.sub(r'velocity="[^"]*"', f'velocity="{joint_speed}"', description)
-    (folder / "six-axis.urdf").write_text(limits)
-    file = folder / "arm.yaml"
-    file.write_text(yaml.safe_dump(content))
-    return str(file)
 
 
 def opened(file: str) -> ArmPath:
@@ -104,7 +90,7 @@ def test_joints_are_reported_where_the_eye_is(tmp_path: Path) -> None:
 
 
 def test_span_changes_along_the_way_as_the_file_has_it(tmp_path: Path) -> None:
-    path = opened(arm_file(tmp_path, along_m=[0.0, 0.015], span_m=[FREE, 1.3 * FREE]))
+    path = opened(arm_file(tmp_path, path={"along_m": [0.0, 0.015], "span_m": [FREE, 1.3 * FREE]}))
     led = machine(path)
     for _ in range(4):
         run(led, 1000)

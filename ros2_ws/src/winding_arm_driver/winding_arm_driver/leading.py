@@ -14,8 +14,6 @@ from winding_core.arm.rigid import FloatArray, Pose
 from winding_core.machine.commanded_axis import CommandedAxis, MotionLimits, Target
 from winding_core.machine.commands import CARRIAGE, AxisTarget
 
-# Places at which the arm's reach is looked at are so far apart [m].
-_LOOK = 5.0e-3
 # Rate at which a commanded velocity closes up to the setpoint [1/s]: a quarter of what a dead time
 # of 50 ms would make ring.
 _CLOSING_RATE = 5.0
@@ -118,16 +116,11 @@ class GuideLead:
 
     def _reached(self, end: float, joints: FloatArray | None) -> tuple[float, str]:
         """Return how far the guide reaches towards an end of its travel [m], and why no further."""
-        begin, reached = float(self._place[2]), float(self._place[2])
         if self._arm is None or joints is None:
             return end, ""
-        for along in np.linspace(begin, end, max(2, math.ceil(abs(end - begin) / _LOOK))).tolist():
-            try:
-                joints = self._arm.solved(self._tip_at(along), joints)
-            except ArmError as error:
-                return reached, f", as {error}"
-            reached = along
-        return end, ""
+        begin = float(self._place[2])
+        reached, why = self._arm.reach(self._tip_at, joints, begin, end)
+        return reached, f", as {why}" if why else ""
 
     def advance(self, t: float, dt: float, tip: Pose, *, turning: bool = True) -> Led | None:
         """Go on from t [s] by dt [s]; return the command, None while nothing is led.

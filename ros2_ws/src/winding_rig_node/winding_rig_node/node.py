@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from winding_core.arm.opening import open_arm
 from winding_core.cable.cases import Case
 from winding_core.parameters import refuse_unknown
 from winding_core.status import Status
 from winding_rig_node.camera.shown_lay import GrowingLay, KnownLay, ShownLay
 from winding_rig_node.lay.known_lay import CableLay
-from winding_rig_node.lay.lay_law import MOTION_LAYS, MotionLay, motion_lay
+from winding_rig_node.lay.lay_law import MotionLay, motion_lay
 from winding_rig_node.lay.truth import truth_path, truth_record, write_truth
 from winding_rig_node.machine.arm_guide import ArmGuide
 from winding_rig_node.machine.faults import Faults
@@ -69,21 +68,12 @@ class RigNode(ManagedNode[RigParameters]):
         hear_heartbeat(self, topics.ORCHESTRATOR, self._note_supervisor)
 
     def configure(self) -> None:
-        """Build machine, lay and camera, unless that runs elsewhere; advertise everything.
-
-        Raises:
-            ValueError: The arm cannot be used, or the lay does not follow its span.
-        """
+        """Build machine, lay and camera, unless that runs elsewhere; advertise everything."""
         wanted = self.configuration
         what = wanted.resolved()
         case, drive = what.case, what.drive
         rng = np.random.default_rng(wanted.seed)
-        path = open_arm(wanted.machine_file, what)
-        if path is not None and path.varies and not wanted.follows_commands:
-            raise ValueError(
-                f"lay {wanted.lay!r} is known ahead for one free length, the arm's changes: take "
-                f"lay {', '.join(MOTION_LAYS)}"
-            )
+        path = wanted.arm_path()
         driven, shown = self._wind(case, rng)
         self._outputs = Outputs(self)
         self._camera = None if wanted.camera_elsewhere else Camera(wanted, shown, self._outputs)

@@ -258,12 +258,12 @@ class RigPosterior:
         """Yield what the markers leave open, and whether they contradict the model."""
         left = [item.words.split(",")[0] for item in self.found if not item.observed]
         if left:
-            yield f"the markers do not tell, so that the prior remains: {', '.join(left)}"
+            yield f"unobservable, so that the prior remains: {', '.join(left)}"
         if self.misfit:
             yield (
                 f"the markers contradict model and tracker (sum of squares {self.chi_square:.3g} "
                 f"of {self.measured} numbers): each was given a scatter of "
-                f"{1.0e3 * self.scatter:.2g} mm, and the widths say so"
+                f"{1.0e3 * self.scatter:.2g} mm, which the widths include"
             )
 
     def refusal(self) -> str:

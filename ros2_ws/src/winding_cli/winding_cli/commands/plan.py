@@ -32,7 +32,7 @@ from winding_cli.terminal.record_options import (
     with_options,
 )
 from winding_cli.terminal.refusal import FAILED, refuse, refused
-from winding_core.arm.opening import check_arm
+from winding_core.arm.opening import check_arm, open_arm
 from winding_core.units import MILLIMETRE, known
 from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
@@ -172,7 +172,8 @@ def plan(
         else:
             planned = plan_with()
         rows = planned.samples(planned.times(PERIOD))
-        check_arm(machine_file, what, rows.guide, float(np.abs(np.diff(rows.guide)).max()) / PERIOD)
+        arm = open_arm(machine_file, what)
+        check_arm(arm, what, rows.guide, float(np.abs(np.diff(rows.guide)).max()) / PERIOD)
         controlled = _controlled(planned)
     drum_as_planned = None if wound is None else drum_record(planned, wound)
     print_plan(result_console(), planned, laid, controlled, drum_as_planned)

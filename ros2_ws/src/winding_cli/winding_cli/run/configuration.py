@@ -148,29 +148,25 @@ def _check_drum(spec: RunSpec) -> None:
 
 
 def _check_arm(spec: RunSpec) -> None:
-    """Refuse a motion on which the arm cannot lead the guide."""
+    """Refuse an arm that cannot be used, and a motion on which it cannot lead the guide."""
     from winding_core.arm.opening import check_arm
     from winding_core.lay.guide_path import lay_of_drive
+    from winding_ros.graph import RIG, parameters_of
 
     file, what = spec.machine.machine_file, spec.condition.resolved()
     if not file:
         return
-    theta, z = lay_of_drive(what)
-    places = np.array([what.drive.positions(what.duration)[1]])
-    rise = what.drive.advance_per_radian
+    places, rise = np.array([what.drive.positions(what.duration)[1]]), what.drive.advance_per_radian
     if spec.controlled and spec.lay.control == "drive":
-        wanted = _wish(spec).wanted(what)
-        z = wanted.z_at(theta)
+        theta, _ = lay_of_drive(what)
+        z = _wish(spec).wanted(what).z_at(theta)
         slopes = np.gradient(z, theta)
         places = z + what.free_length / what.case.centreline_radius * slopes
         rise = float(np.abs(slopes).max())
     with spec.source.at("machine_file"):
-        path = check_arm(file, what, places, rise * what.drive.angular_speed)
-        if path is not None and path.varies and spec.simulated_lay != "driven":
-            raise ParameterError(
-                f"lay {spec.simulated_lay} is known ahead for one free length, that of the arm "
-                f"changes: give {spec.source.name('lay')} driven"
-            )
+        values = {**asdict(spec.condition), "lay": spec.simulated_lay, "machine_file": file}
+        rig: Any = build(parameters_of(RIG), values, owner="winding run")
+        check_arm(rig.arm_path(), what, places, rise * what.drive.angular_speed)
 
 
 def _wish(spec: RunSpec) -> Any:

@@ -131,7 +131,7 @@ def run_record(
         )
         for marker in range(1, case.marker_count + 1)
     )
-    arm = _arm_links(str(rig.get("machine_file", "")), what, measured)
+    arm, undrawn = _arm_links(str(rig.get("machine_file", "")), what, measured)
     return RunRecord(
         arm=arm,
         case=case,
@@ -193,6 +193,7 @@ def run_record(
             ),
             *([] if solver.element == "rod" else [_BESIDE_THE_ROD]),
             *([_THINNED] if buffer.thinned else []),
+            *undrawn,
         ),
     )
 
@@ -248,19 +249,19 @@ def _series(
 
 def _arm_links(
     file: str, what: ResolvedCondition, measured: list[tuple[float, AxisReading]]
-) -> NDArray[np.float64] | None:
-    """Return the arm at the first and the last place of its eye; see `RunRecord`."""
+) -> tuple[NDArray[np.float64] | None, list[str]]:
+    """Return the arm at the first and the last place of its eye, and why it is not drawn."""
     try:
         path = open_arm(file, what)
         if path is None or not measured:
-            return None
-        found, joints = [path.links(path.start)], path.start
+            return None, []
+        joints = path.start
         for _, reading in measured[:: max(1, len(measured) // 50)] + measured[-1:]:
             joints = path.joints_at(reading.carriage_position, joints)
-    except ValueError:
-        # A recording outlives the file of its arm; the report of a run lacks a picture then.
-        return None
-    return np.array([*found, path.links(joints)])
+    except ValueError as error:
+        # A recording outlives the file of its arm.
+        return None, [f"The arm is not drawn: {error}."]
+    return np.array([path.links(path.start), path.links(joints)]), []
 
 
 def _missing(stamps: NDArray[np.int64], topic: Topic, duration: float) -> int:

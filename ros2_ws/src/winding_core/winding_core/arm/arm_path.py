@@ -9,12 +9,10 @@ import numpy as np
 
 from winding_core.arm.arm_file import ArmMapping
 from winding_core.arm.joint import ArmError, Joint
-from winding_core.arm.kinematics import NEAR, Arm
+from winding_core.arm.kinematics import LOOK, NEAR, Arm
 from winding_core.arm.rigid import FloatArray, Pose
 from winding_core.units import MILLIMETRE
 
-# Places at which a way is looked at are so far apart [m].
-_LOOK = 5.0e-3
 # Points of a link whose distance from the cylinder is looked at.
 _LINK_POINTS = np.linspace(0.0, 1.0, 9)[:, None]
 # The cylinder goes on beyond the ends of a way by so much [m].
@@ -115,14 +113,7 @@ class ArmPath:
 
     def reach(self, end: float) -> tuple[float, str]:
         """Return how far the guide gets from the start towards a place [m], and why no further."""
-        joints, reached = self.start, 0.0
-        for along in self._places(end):
-            try:
-                joints = self.joints_at(along, joints)
-            except ArmError as error:
-                return reached, str(error)
-            reached = along
-        return end, ""
+        return self.arm.reach(self.tip_at, self.start, 0.0, end)
 
     def joints_at(self, along: float, near: FloatArray, within: float = NEAR) -> FloatArray:
         """Return joint positions with the eye at a place, from those near by.
@@ -191,9 +182,7 @@ class ArmPath:
             )
 
     def _places(self, end: float) -> list[float]:
-        places: list[float] = np.linspace(
-            0.0, end, max(2, math.ceil(abs(end) / _LOOK) + 1)
-        ).tolist()
+        places: list[float] = np.linspace(0.0, end, max(2, math.ceil(abs(end) / LOOK) + 1)).tolist()
         return places
 
     def _distance(self, joints: FloatArray, low: float, high: float) -> float:

@@ -56,21 +56,19 @@ def arm_beside(file: str, radius: float, free_length: float) -> ArmPath | None:
 
 
 def check_arm(
-    file: str, what: ResolvedCondition, guide: NDArray[np.float64], speed: float
-) -> ArmPath | None:
-    """Refuse a motion on which an arm cannot lead the guide; return its way, None without a file.
+    path: ArmPath | None, what: ResolvedCondition, guide: NDArray[np.float64], speed: float
+) -> None:
+    """Refuse a motion on which an arm cannot lead the guide; nothing without an arm.
 
     Args:
-        file: Of the arm; empty for a linear carriage.
+        path: Of the arm, see `open_arm`.
         what: Is wound.
         guide: Places to which the guide goes along the axis [m], any shape.
         speed: Its largest speed on the way [m/s].
 
     Raises:
-        ValueError: Travel, reach, joints or the cylinder forbid it, or the file cannot be used.
+        ValueError: Travel, reach, joints or the cylinder forbid it.
     """
-    path = open_arm(file, what)
     if path is not None:
         low, high = float(np.min(guide, initial=0.0)), float(np.max(guide, initial=0.0))
         path.check(low, high, abs(speed), what.case.cylinder_radius)
-    return path

@@ -42,18 +42,19 @@ class ArmView:
         axes, radius = state.axes, state.centreline_radius
         if not self.file or axes is None or axes.guide is None or not radius > 0.0:
             return ""
-        if not math.isclose(radius, self._radius, abs_tol=_SAME):
-            # Another cable is wound, or the first one.
-            self._radius = radius
-            self._path = arm_beside(self.file, radius, -axes.guide.y)
+        along = axes.carriage_position
+        # Nothing is drawn of a file that cannot be used for this cable, which the rig refuses, too.
+        with contextlib.suppress(ValueError):
+            if not math.isclose(radius, self._radius, abs_tol=_SAME):
+                # Another cable is wound, or the first one.
+                self._radius, self._path = radius, None
+                self._path = arm_beside(self.file, radius, -axes.guide.y)
+                self._joints = self._path.start if self._path is not None else self._joints
             if self._path is not None:
-                self._joints = self._path.start
+                # Where the arm does not reach, it stays as it was drawn last.
+                self._joints = self._path.joints_at(along, self._joints)
         if self._path is None:
             return ""
-        along = axes.carriage_position
-        with contextlib.suppress(ValueError):
-            # Where the arm does not reach, it stays as it was drawn last.
-            self._joints = self._path.joints_at(along, self._joints)
         bare = radius - state.cable_radius
         return self._drawing(self._path, bare, max(_END, along + _MORE))
 

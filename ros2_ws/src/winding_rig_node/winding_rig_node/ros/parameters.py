@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from winding_core.arm.opening import open_arm
 from winding_core.cable.condition import Condition
 from winding_core.lay.drum_parameters import DrumShape
 from winding_core.markers import MarkerLook
@@ -115,6 +116,21 @@ class RigParameters(SimulatedCamera, SimulatedMachine, MarkerLook, DrumShape, Co
                 "be false"
             )
         return follows
+
+    def arm_path(self) -> ArmPath | None:
+        """Return the way on which an arm carries the guide; None for a carriage.
+
+        Raises:
+            ValueError: The arm's file cannot be used, or the lay is known ahead for one free
+                length and the arm's changes.
+        """
+        path = open_arm(self.machine_file, self.resolved())
+        if path is not None and path.varies and not self.follows_commands:
+            raise ValueError(
+                f"lay {self.lay!r} is known ahead for one free length, that of the arm changes: "
+                f"take lay {', '.join(MOTION_LAYS)}"
+            )
+        return path
 
     def laid(self, rng: np.random.Generator) -> CableLay:
         """Return where the cable will lie that the drive programme lays.
