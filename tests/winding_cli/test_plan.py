@@ -8,12 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from arm_example import EXAMPLE
 from typer.testing import CliRunner
 
 from winding_cli.app import app
 
 RUNNER = CliRunner()
 HELIX = ["--case", "4", "--pitch-mm", "18", "--turns", "3"]
+# The guide of this motion goes further than the arm of the example.
+FAR = ["--case", "4", "--even", "--duration-s", "100", "--no-solver"]
 
 
 DRUM = ["--case", "4", "--drum-width-mm", "60", "--flange-mm", "20"]
@@ -153,6 +156,10 @@ def test_the_rod_winds_a_drum_in_layers(tmp_path: Path) -> None:
         ([*HELIX, "--carriage-speed-limit-mm-s", "0"], "must be positive, got 0"),
         ([*HELIX, "--tolerance-mm", "-1"], "--tolerance-mm must be positive"),
         ([*HELIX, "--slow-down"], "--slow-down needs --tolerance-mm"),
+        (
+            [*FAR, "--machine-file", str(EXAMPLE)],
+            "the guide would go to 0.531 m, beyond its",
+        ),
         ([*HELIX, "--start", "later"], "--start must be first or together"),
         ([*HELIX, "--picture", "plan.gif"], "--picture ends in .png"),
         ([*HELIX, "--period-ms", "0"], "--period-ms must lie in 1 to 1000"),
