@@ -165,25 +165,25 @@ def test_rig_comes_with_covariance_and_what_markers_do_not_determine(
     # The rod wound 198 mm and 2.6 MPa under the whole weight.
     assert rig["free_length"]["low"] < 0.198 < rig["free_length"]["high"]
     assert rig["effective_young"]["low"] < 2.6e6 < rig["effective_young"]["high"]
-    assert "load_share" in found["untold"]
+    assert "load_share" in found["unobservable"]
     assert [row["id"] for row in found["predicted"]] == [3, 4]
     for row in found["predicted"]:
         assert abs(row["s_measured_m"] - row["s_m"]) < row["half_width_90_m"]
-    assert "do not tell" in text
+    assert "unobservable, so that the prior remains: " in text
 
 
 def test_known_tension_is_known(markers: Path, tmp_path: Path) -> None:
     found, _ = identified(tmp_path, markers, "--case", 4, "--rig", "--known-tension")
     assert found["rig"]["load_share"]["deviation"] == 0.0
     assert found["rig"]["young"]["low"] < 2.6e6 < found["rig"]["young"]["high"]
-    assert found["untold"] == []
+    assert found["unobservable"] == []
 
 
 def test_the_prior_of_the_rig_is_what_is_typed(markers: Path, tmp_path: Path) -> None:
     words = ("--prior-load-share", "1,1", "--prior-guide-drag-n", "0,0", "--prior-steady", 1)
     found, _ = identified(tmp_path, markers, "--case", 4, "--use", 2, "--rig", *words)
     assert found["rig"]["load_share"]["deviation"] == 0.0
-    assert "load_share" not in found["untold"]
+    assert "load_share" not in found["unobservable"]
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def wound(case, pitch, room, share, lost=None, turns=math.inf):
         np.pad(program.z_at(theta), 15, mode="edge"), np.hanning(31) / 15.0, "same"
     )
     guide = wanted[15:-15] + lag * np.gradient(wanted[15:-15], theta)
-    # The tracker is told the nominal span.
+    # The tracker's configured span is the nominal one.
     hidden = HiddenRig(free_length=share * what.free_length, load_share=0.7, drag=0.0)
     lay, renderer, rng = (
         DrivenLay(cable, hidden, full.drum),
