@@ -71,9 +71,12 @@ check: lint kernels
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile --ignore tests/lint -m "not processes and not slow and not campaign"
 
 # A graph of processes fills both cores of a small machine by itself: such tests run one by one.
+# Both halves always run, whatever the first one found.
 test: $(WHOLE) kernels
-	$(BIN)/python -m pytest -n 2 --dist loadfile --ignore tests/lint -m "not processes and not campaign" $(COUNT)
-	$(BIN)/python -m pytest -m "processes and not campaign" $(COUNT)
+	failed=0; \
+	    $(BIN)/python -m pytest -n 2 --dist loadfile --ignore tests/lint -m "not processes and not campaign" $(COUNT) || failed=1; \
+	    $(BIN)/python -m pytest -m "processes and not campaign" $(COUNT) || failed=1; \
+	    exit $$failed
 
 # The graph's processes, calibration and conformance on a further Python, in an environment of
 # their own; on 3.12 with the NumPy and OpenCV of Ubuntu 24.04:
@@ -84,7 +87,7 @@ leg: $(SHORT) kernels
 	    tests/winding_cli/conformance -m "not campaign"
 
 # What takes minutes: faults, kills, browsers, networks, tutorials, whole films.
-# Both halves always run, whatever the first one found; what only needs a processor has no deadline.
+# Both halves, too; what only needs a processor has no deadline.
 campaign: $(WHOLE) kernels
 	failed=0; \
 	    $(BIN)/python -m pytest -n 2 --dist worksteal -m "campaign and not processes" -o timeout=0 $(COUNT) || failed=1; \
