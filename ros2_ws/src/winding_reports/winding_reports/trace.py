@@ -45,15 +45,12 @@ class Hop:
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
-    """How long each corrected length was on its way, hop by hop.
-
-    Attributes:
-        instants: Beginning of each hop, and the end of the last, since 1970 [s], shape (n, k + 1).
-    """
+    """How long each corrected length was on its way, hop by hop."""
 
     name: str  # Where it comes from
     hops: tuple[Hop, ...]  # Its parts in their order, k of them
     stamps: Floats  # Of the corrected lengths [s], shape (n,)
+    # Beginning of each hop, and the end of the last, since 1970 [s], shape (n, k + 1).
     instants: Floats
 
     @property

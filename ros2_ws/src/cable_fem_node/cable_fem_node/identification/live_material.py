@@ -43,18 +43,15 @@ class MaterialTask:
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialUpdate:
-    """What an identification found.
-
-    Attributes:
-        model: The rod with the estimate, wound up to the last of the task's inputs; None unless
-            it was wanted.
-        ahead: The rest of the run with the estimate, not yet wound; None unless it was wanted.
-    """
+    """What an identification found."""
 
     estimate: ModulusEstimate | None  # None where there is none
     refusal: str  # Why the estimate is not used; empty where it may be
     config: WindingConfig | None = None  # The model with the estimate; None with a refusal
+    # The rod with the estimate, wound up to the last of the task's inputs; None unless it was
+    # wanted.
     model: RodWinding | None = None
+    # The rest of the run with the estimate, not yet wound; None unless it was wanted.
     ahead: RunAhead | None = None
 
 

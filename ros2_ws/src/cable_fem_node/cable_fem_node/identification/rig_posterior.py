@@ -197,30 +197,24 @@ class Belief:
 
 @dataclass(frozen=True, kw_only=True)
 class RigPosterior:
-    """The rigs that explain the markers.
-
-    Attributes:
-        beliefs: By name: every number that is looked for, and the combinations of `DERIVED`:
-            ``effective_young`` [Pa] is the modulus with which the stated tension alone would
-            stretch the used length as much.
-        best: Of the rig with the greatest evidence, shape (1,) each.
-        deviates: Of the prior there, of the open numbers, shape (k,).
-        spread: Covariance of these deviates, shape (k, k).
-        worst_share: Greatest residual of an angle relative to the angle, at the mean prediction.
-    """
+    """The rigs that explain the markers."""
 
     rigs: Numbers  # Draws
     weights: FloatArray  # Of the draws, sum one, shape (n,)
+    # By name: every number that is looked for, and the combinations of `DERIVED`:
+    # ``effective_young`` [Pa] is the modulus with which the stated tension alone would stretch the
+    # used length as much.
     beliefs: dict[str, Belief]
-    best: Numbers
-    deviates: FloatArray
-    spread: FloatArray
+    best: Numbers  # Of the rig with the greatest evidence, shape (1,) each
+    deviates: FloatArray  # Of the prior there, of the open numbers, shape (k,)
+    spread: FloatArray  # Covariance of these deviates, shape (k, k)
     steady: float  # Probability that the tension does not build up
     chi_square: float  # Sum of squares of the best rig, prior included
     measured: int  # How many numbers were measured
     misfit: bool  # Whether the markers contradict model and tracker
     scatter: float  # Deviation of every marker's place that was added for that [m]
     evidence: float  # ln of the density of the measurements
+    # Greatest residual of an angle relative to the angle, at the mean prediction.
     worst_share: float
     ahead: tuple[tuple[MarkerAhead, ...], ...]  # Markers that were not used, by run
 

@@ -18,15 +18,12 @@ _UNSEEN = int(
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyConfig:
-    """When a marker counts as measured.
-
-    Attributes:
-        systematic: What all frames may have wrong together [rad]: the camera's pose; added to
-            the deviation that the tracker states.
-    """
+    """When a marker counts as measured."""
 
     frames: int = 20  # Frames that must have seen it
     spread: float = 8.0e-3  # Greatest standard deviation of its angle over these frames [rad]
+    # What all frames may have wrong together [rad]: the camera's pose; added to the deviation that
+    # the tracker states.
     systematic: float = 1.0e-3
 
 

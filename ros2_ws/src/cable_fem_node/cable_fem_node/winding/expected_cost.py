@@ -50,16 +50,12 @@ _LIVE, _SURELY_LIVE = 0.5, 2.0e6
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectedCost:
-    """What a run will take.
-
-    Attributes:
-        mass_scaling: Largest factor on the density with which the cable still lies as if it were
-            wound slowly.
-    """
+    """What a run will take."""
 
     cpu_seconds: float  # Processor time [s] on this computer, as it is loaded now
     steps: int  # Steps of integration
     elements: float  # That are integrated, mean over the run
+    # Largest factor on the density with which the cable still lies as if it were wound slowly.
     mass_scaling: float
     scaled_cpu_seconds: float  # Processor time with that factor [s]
 

@@ -126,15 +126,13 @@ class Prediction:
 class PlannedRun:
     """One run of the solver, checked, not yet wound.
 
-    Attributes:
-        drive: How the machine moves; the paper's motion by default.
-
     Raises:
         ValueError: The cylinder turns back past the start, the duration is not positive, the
             element is unknown or has no stiffness factors.
     """
 
     config: WindingConfig  # The model
+    # How the machine moves; the paper's motion by default.
     drive: DriveProfile = field(default_factory=DriveProfile)
     duration: float = PAPER_DURATION  # Time to wind [s]
     element: str = "rod"  # One of ELEMENTS

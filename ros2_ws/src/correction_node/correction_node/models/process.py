@@ -29,25 +29,16 @@ class Process:
 
     Far from everything it was learned from it is zero with the standard deviation that it found
     from place to place, which is no forecast.
-
-    Attributes:
-        inputs: Where it was learned, standardised, shape (n, k).
-        spread: What one unit of a standardised input is, shape (k,).
-        scales: Length scales of the smooth part in these units, shape (k,).
-        deviations: Of the smooth part, of a whole run, and of one reading, shape (3,).
-        weights: Of the kernel at `inputs`, shape (n,).
-        factor: Cholesky factor of the covariance of the readings, shape (n, n).
-        freedom: Degrees of freedom from which the deviations of a run and of a reading were
-            found, shape (2,).
     """
 
-    inputs: Array
+    inputs: Array  # Where it was learned, standardised, shape (n, k)
     mean: Array  # Of the inputs, shape (k,)
-    spread: Array
-    scales: Array
-    deviations: Array
-    weights: Array
-    factor: Array
+    spread: Array  # What one unit of a standardised input is, shape (k,)
+    scales: Array  # Length scales of the smooth part in these units, shape (k,)
+    deviations: Array  # Of the smooth part, of a whole run, and of one reading, shape (3,)
+    weights: Array  # Of the kernel at `inputs`, shape (n,)
+    factor: Array  # Cholesky factor of the covariance of the readings, shape (n, n)
+    # Degrees of freedom from which the deviations of a run and of a reading were found, shape (2,).
     freedom: Array
 
     @classmethod

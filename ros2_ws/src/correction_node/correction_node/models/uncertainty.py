@@ -62,15 +62,13 @@ class TrainingBox:
     Tension is taken as a force: the trained weights hang on cables of every diameter, so in
     (D_cylinder, D_cable, force) the training conditions fill a box, while a box in nominal stress
     would include thirty newtons on the thickest cable.
-
-    Attributes:
-        turns: Most turns of unstretched cable before a marker; None when h does not depend on
-            the marker. Below the first trained marker h stays what it is there.
     """
 
     cylinder_diameter: tuple[float, float]  # (smallest, largest) [m]
     cable_diameter: tuple[float, float]  # (smallest, largest) [m]
     weight: tuple[float, float]  # (smallest, largest) [N]
+    # Most turns of unstretched cable before a marker; None when h does not depend on the marker.
+    # Below the first trained marker h stays what it is there.
     turns: float | None = None
     young: tuple[float, float] = (Material().young,) * 2  # As configured in the solver [Pa]
     # Diameter [m] and modulus [Pa] of each cable, where no other one is inside; else empty.

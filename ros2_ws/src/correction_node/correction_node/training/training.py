@@ -210,20 +210,16 @@ PROCESS = "process"
 
 @dataclass(frozen=True, kw_only=True)
 class Learner:
-    """One way of learning h.
+    """One way of learning h."""
 
-    Attributes:
-        learn_all: Returns one model for each set of cells, started from the seed beside it; the
-            sets do not see each other.
-        selection: What of its form was chosen after seeing which errors: how far its left-out
-            error flatters it.
-        physical: Whether it needs a solver that is quasi-static in essence, see `reference_law`.
-    """
-
+    # Returns one model for each set of cells, started from the seed beside it; the sets do not see
+    # each other.
     learn_all: LearnAll
     description: str  # One sentence
+    # What of its form was chosen after seeing which errors: how far its left-out error flatters it.
     selection: str
     seeded: bool = True  # Whether it starts at random, so that another seed gives another model
+    # Whether it needs a solver that is quasi-static in essence, see `reference_law`.
     physical: bool = False
     by_marker: bool = True  # Whether h differs between the markers of a case
 

@@ -12,17 +12,11 @@ _ON_TIME = 2.0
 
 @dataclass(kw_only=True)
 class Cadence:
-    """Follows the commands of a motion, and the readings that they answer.
+    """Follows the commands of a motion, and the readings that they answer."""
 
-    Attributes:
-        largest: Largest time between two commands that left [s].
-        unplanned: Largest time between two that were planned from readings [s].
-        largest_of_readings: Largest time between the arrivals of two readings [s].
-    """
-
-    largest: float = 0.0
-    unplanned: float = 0.0
-    largest_of_readings: float = 0.0
+    largest: float = 0.0  # Largest time between two commands that left [s]
+    unplanned: float = 0.0  # Largest time between two that were planned from readings [s]
+    largest_of_readings: float = 0.0  # Largest time between the arrivals of two readings [s]
     _sent: float | None = None
     _planned: float | None = None
     _read: float | None = None

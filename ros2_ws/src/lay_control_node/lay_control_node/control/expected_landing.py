@@ -32,19 +32,16 @@ _BEYOND = 20.0
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectedLanding:
-    """A wanted marker under control.
-
-    Attributes:
-        sigma: One standard deviation of that [rad], of the prior of that tension, and of
-            what its law leaves out.
-        unusual: Its larger miss under two rigs that are 2.2 deviations off where that moves the
-            first marker most [rad]: the pull may come to its bounds there.
-    """
+    """A wanted marker under control."""
 
     number: int  # Of the marker
     wanted: float  # Wound angle [rad]
     expected: float  # Where it lands if the tension at lay-on is that of the prior [rad]
+    # One standard deviation of that [rad], of the prior of that tension, and of what its law leaves
+    # out.
     sigma: float
+    # Its larger miss under two rigs that are 2.2 deviations off where that moves the first marker
+    # most [rad]: the pull may come to its bounds there.
     unusual: float
 
     @property

@@ -99,22 +99,18 @@ _LEAST_TENSION = 1.0e-3
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerConfig:
-    """How the controller goes on when a node is silent.
-
-    Attributes:
-        unseen_angle: Wound angle without a measured height after which the lay counts as
-            unseen [rad].
-        solver_patience: Time without the solver after which the guide follows the drive
-            programme [s]; infinite where no solver is subscribed to.
-    """
+    """How the controller goes on when a node is silent."""
 
     advance_per_radian: float  # Guide advance of the drive programme [m/rad]
     bending_stiffness: float  # EI of the cable [N m^2]
     guide: AxisBounds  # Bounds of the carriage
+    # Wound angle without a measured height after which the lay counts as unseen [rad].
     unseen_angle: float = 3.0 * math.pi
     # How far off its layer's height a place may be seen that counts [m].
     height_tolerance: float = 1.0e-3
     following_error: float = 0.02  # How far the setpoint goes ahead of the carriage [m]
+    # Time without the solver after which the guide follows the drive programme [s]; infinite where
+    # no solver is subscribed to.
     solver_patience: float = 1.0
     # Smallest and largest pull that is commanded where the program states one [N]; None for none.
     pulls: tuple[float, float] | None = None
@@ -144,11 +140,6 @@ class LayController:
 
     A carriage that has been driven is not left standing beside a cylinder that winds: in the other
     modes it goes on at the drive programme's advance, and the pull stays as it is.
-
-    Attributes:
-        landing: Law of the brake; None where there is none or no marker has a wanted angle.
-        watch: Finds what is wrong with layers; None on a bare cylinder.
-        innovations: Of measured heights, in standard deviations, the newest last.
     """
 
     config: ControllerConfig  # Bounds and patience
@@ -156,10 +147,12 @@ class LayController:
     law: GuideLaw  # Of the guide
     lay: LayFilter  # Estimate of the lay
     stretch: StretchFilter  # Estimate of the tension at lay-on
+    # Law of the brake; None where there is none or no marker has a wanted angle.
     landing: LandingLaw | None = None
-    watch: LayerWatch | None = None
+    watch: LayerWatch | None = None  # Finds what is wrong with layers; None on a bare cylinder
     mode: ControlMode = ControlMode.WATCH  # What is done with the result
     late: bool = False  # Whether commands leave too late for what has been measured to be fed back
+    # Of measured heights, in standard deviations, the newest last.
     innovations: list[float] = field(default_factory=list)
     _landed: LandedMarkers = field(default_factory=LandedMarkers)
     _guide: BoundedMotion | None = None

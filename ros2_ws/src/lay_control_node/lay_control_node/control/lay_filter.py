@@ -28,21 +28,18 @@ Z, HEADED, LENGTH, OFFSET = range(4)
 
 @dataclass(frozen=True, kw_only=True)
 class LayFilterConfig:
-    """Prior of the lay before anything has landed, and how much it may drift.
-
-    Attributes:
-        sigma_offset: Of the place of the cable's eye against the carriage's reading [m].
-        drift_z: Of what the law of the lag leaves out, per square root of a radian [m].
-        play: Play of the eye on its carriage [m]; the eye is somewhere in it after a reversal.
-    """
+    """Prior of the lay before anything has landed, and how much it may drift."""
 
     radius: float  # Centreline radius R + r [m]
     free_length: float  # Prior of the tangent span between cylinder and guide [m]
     sigma_length: float = 0.02  # One standard deviation of that prior [m]
+    # Of the place of the cable's eye against the carriage's reading [m].
     sigma_offset: float = 3.0e-4
+    # Of what the law of the lag leaves out, per square root of a radian [m].
     drift_z: float = 3.0e-5
     drift_length: float = 1.0e-3  # Of the effective free length, per square root of a radian [m]
     drift_offset: float = 3.0e-5  # Of the eye's place, per square root of a radian [m]
+    # Play of the eye on its carriage [m]; the eye is somewhere in it after a reversal.
     play: float = 3.0e-4
     correlated: float = 3.0e-5  # Part of a measured height that its neighbours have in common [m]
     gate: float = 4.0e-3  # How far off a height may be whatever the deviations [m]

@@ -25,11 +25,7 @@ _OUTLYING = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class StretchFilterConfig:
-    """Prior of the tension at lay-on before a marker has landed.
-
-    Attributes:
-        tension_error: What the law leaves out of the tension, relative: a brake's own friction.
-    """
+    """Prior of the tension at lay-on before a marker has landed."""
 
     share: float = 0.7  # Share of the pull at the guide that reaches the cylinder
     sigma_share: float = 0.15  # One standard deviation of it
@@ -41,6 +37,7 @@ class StretchFilterConfig:
     sigma_build_up: float = 0.075  # One standard deviation of it [m]
     drift_share: float = 0.01  # Change of the share from marker to marker, one standard deviation
     model_error: float = 7.0e-4  # What the closed form leaves out of a segment's length, relative
+    # What the law leaves out of the tension, relative: a brake's own friction.
     tension_error: float = 0.04
 
 

@@ -42,12 +42,7 @@ class PlannedSamples:
 
 @dataclass(frozen=True, kw_only=True)
 class LayPlan:
-    """What the machine shall do for a program, and what comes of it.
-
-    Attributes:
-        uncompensated: z of the lay there with a guide that moves along the program itself [m],
-            shape (n,).
-    """
+    """What the machine shall do for a program, and what comes of it."""
 
     program: LayProgram  # What is wanted
     what: ResolvedCondition  # What is wound
@@ -59,6 +54,7 @@ class LayPlan:
     motion: Motion  # Of both axes
     theta: Array  # Wound angles of the prediction, not descending [rad], shape (n,)
     predicted: Array  # z of the lay there by the lag law [m], shape (n,)
+    # z of the lay there with a guide that moves along the program itself [m], shape (n,).
     uncompensated: Array
     corners: tuple[Corner, ...]  # That are rounded
     track: Track  # On which the pull is planned

@@ -59,16 +59,13 @@ class Columns:
 
 @dataclass(kw_only=True)
 class PointList:
-    """Points of a program, added one by one.
-
-    Attributes:
-        markers: Wound angle of marker n so far [rad], by n.
-    """
+    """Points of a program, added one by one."""
 
     radius: float  # Of the laid cable's centreline [m]
     theta: list[float] = field(default_factory=list)  # Wound angles so far [rad]
     z: list[float] = field(default_factory=list)  # Axial positions so far [m]
     tension: list[float] = field(default_factory=list)  # Pulls so far [N]; nan for the condition's
+    # Wound angle of marker n so far [rad], by n.
     markers: dict[int, float] = field(default_factory=dict)
     length: float = 0.0  # Of the laid cable so far [m]
 

@@ -71,13 +71,10 @@ LEAST_VISIBLE, LEAST_EDGES = 0.25, 0.25
 
 
 class Fit(NamedTuple):
-    """A band that is seen in part.
+    """A band that is seen in part."""
 
-    Attributes:
-        unknown: Pixels of the gate that may be marker or not; of no use below LEAST_UNKNOWN, and
-            then the only number.
-    """
-
+    # Pixels of the gate that may be marker or not; of no use below LEAST_UNKNOWN, and then the only
+    # number.
     unknown: int
     marked: int  # Marker pixels
     expected: float  # Known pixels that lie within the outline

@@ -40,17 +40,14 @@ NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, NO_IDENTITY)
 
 
 class Picture(NamedTuple):
-    """A frame and the colours that are sought in it.
-
-    Attributes:
-        table: One where a colour belongs to the marker that is sought, by 5 bits of each channel,
-            shape (32768,).
-        tables: The same of everything that is distinguished, one after the other, shape ((2 +
-            colours) 32768,): what light has made unknown, any colour of markers, each of them.
-    """
+    """A frame and the colours that are sought in it."""
 
     pixels: ByteArray  # Blue-green-red, shape (rows, columns, 3)
+    # One where a colour belongs to the marker that is sought, by 5 bits of each channel, shape
+    # (32768,).
     table: ByteArray
+    # The same of everything that is distinguished, one after the other, shape ((2 + colours)
+    # 32768,): what light has made unknown, any colour of markers, each of them.
     tables: ByteArray
     colour_of: IndexArray  # Number of each marker's table, 2 or more, shape (markers,)
 

@@ -37,13 +37,11 @@ class RowTables(NamedTuple):
 
     So many columns are taken together that half a turn is about `HALF_WANTED` groups wide: more say
     no more, and cost time.
-
-    Attributes:
-        place: Azimuth on the cylinder [rad]; on the free span, the way before the contact [m].
     """
 
     row: IndexArray  # Of the picture, shape (rows,)
     group: int  # Columns in each group; what is left over at the right is not looked at
+    # Azimuth on the cylinder [rad]; on the free span, the way before the contact [m].
     place: FloatArray
     z: FloatArray  # [m]
     half: FloatArray  # Half the width of a level turn [groups]

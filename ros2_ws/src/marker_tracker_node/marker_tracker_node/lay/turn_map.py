@@ -24,12 +24,9 @@ LED = 2.0
 
 
 class Places(NamedTuple):
-    """Means of what was seen of the cable, by wound angle in places of 5 degrees.
+    """Means of what was seen of the cable, by wound angle in places of 5 degrees."""
 
-    Attributes:
-        z: Mean at the middle of each place, as of cable on the cylinder [m]; nan where unseen.
-    """
-
+    # Mean at the middle of each place, as of cable on the cylinder [m]; nan where unseen.
     z: FloatArray
     weight: FloatArray  # Sum of the weights, 1 / variance [1/m^2]
     sightings: FloatArray  # How often each was seen

@@ -37,17 +37,14 @@ class Finding:
 
 @dataclass(kw_only=True)
 class Heard:
-    """What was received on one topic.
-
-    Attributes:
-        values: Content of each message; joint states as (angle [rad], angular speed [rad/s],
-            carriage position [m], feed speed [m/s]), tension as (force [N],), others empty.
-        refused: One sentence for each message that could not be decoded.
-    """
+    """What was received on one topic."""
 
     stamps: list[float] = field(default_factory=list)  # Stamp of each message [s]
     arrived: list[float] = field(default_factory=list)  # When it came, by the system's clock [s]
+    # Content of each message; joint states as (angle [rad], angular speed [rad/s], carriage
+    # position [m], feed speed [m/s]), tension as (force [N],), others empty.
     values: list[tuple[float, ...]] = field(default_factory=list)
+    # One sentence for each message that could not be decoded.
     refused: list[str] = field(default_factory=list)
 
 

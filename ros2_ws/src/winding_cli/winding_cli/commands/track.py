@@ -216,13 +216,10 @@ COLUMNS = ("theta", "z", "sigma_theta", "sigma_z")
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedRecording:
-    """A recording that has been tracked.
-
-    Attributes:
-        means: Run means: theta [rad], z [m] and their deviations, shape (markers,) each.
-    """
+    """A recording that has been tracked."""
 
     report: TrackerReport  # Of the tracker on itself
+    # Run means: theta [rad], z [m] and their deviations, shape (markers,) each.
     means: dict[str, NDArray[np.float64]]
     radius: float  # Of the laid cable's centreline [m]
     fit: Refinement | None  # Markers and camera fitted over the run

@@ -75,17 +75,14 @@ class Planned:
 
 @dataclass(kw_only=True)
 class Target:
-    """The last of a stream of targets; between samples their rate carries on.
-
-    Attributes:
-        to_go: Distance from the axis to it [rad or m]; infinite before the first control step.
-    """
+    """The last of a stream of targets; between samples their rate carries on."""
 
     target: AxisTarget  # What was commanded
     stamp: float  # When it holds [s]
     heard: float  # When it came [s]
     rate: float = 0.0  # Change of the commanded number per second
     period: float = 0.0  # Time between samples [s]; 0 when it is no sample of a stream
+    # Distance from the axis to it [rad or m]; infinite before the first control step.
     to_go: float = math.inf
 
     @classmethod

@@ -142,14 +142,11 @@ class Heartbeat:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineMapping:
-    """A mapping file.
-
-    Attributes:
-        variables: By the names of AXES and of quantities; speeds and quantities other than the
-            tension may be missing.
-    """
+    """A mapping file."""
 
     server: Server  # How the PLC is reached
+    # By the names of AXES and of quantities; speeds and quantities other than the tension may be
+    # missing.
     variables: Mapping[str, Variable]
     commands: Mapping[str, Command]  # By the names of COMMANDS, all of them
     state: State | None  # The machine's own state; None where it reports none

@@ -10,18 +10,14 @@ from winding_plc_driver.machine.mapping import Variable
 
 @dataclass(frozen=True, kw_only=True)
 class ServerValue:
-    """One value of a notification.
-
-    Attributes:
-        stamp_ns: Source timestamp, or the server's where there is none [ns since 1970]; None
-            without either.
-        overflow: Whether the server dropped values before or after this one: its queue was full.
-    """
+    """One value of a notification."""
 
     title: str  # What the mapping calls the variable
     value: object  # As the server has it; None where it has none
+    # Source timestamp, or the server's where there is none [ns since 1970]; None without either.
     stamp_ns: int | None
     bad: str = ""  # Name of the status when it is bad; empty otherwise
+    # Whether the server dropped values before or after this one: its queue was full.
     overflow: bool = False
 
 

@@ -29,16 +29,13 @@ _LATCHED = "durability: transient_local"
 
 @dataclass(kw_only=True)
 class Verdict:
-    """What a check found.
-
-    Attributes:
-        found: What the storage files hold, by file name.
-        stamps: Times of publication [ns] by topic, in the order of arrival.
-    """
+    """What a check found."""
 
     findings: list[str] = field(default_factory=list)  # What is wrong, one sentence each
     remarks: list[str] = field(default_factory=list)  # What should be known, one sentence each
+    # What the storage files hold, by file name.
     found: dict[str, Found] = field(default_factory=dict)
+    # Times of publication [ns] by topic, in the order of arrival.
     stamps: dict[str, array[int]] = field(default_factory=dict)
 
     @property

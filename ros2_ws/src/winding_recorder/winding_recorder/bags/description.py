@@ -174,14 +174,11 @@ class Extent:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """Content of the metadata.yaml of a recording.
-
-    Attributes:
-        notes: Texts by name, the `custom_data` of rosbag2.
-    """
+    """Content of the metadata.yaml of a recording."""
 
     channels: Sequence[Channel]  # Recorded topics
     extents: Sequence[Extent]  # Of its files
+    # Texts by name, the `custom_data` of rosbag2.
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def text(self) -> str:

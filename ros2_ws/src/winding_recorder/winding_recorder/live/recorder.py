@@ -51,13 +51,10 @@ Found = tuple[Topic, int | None, Taken]
 
 @dataclass(frozen=True, kw_only=True)
 class RecordRequest:
-    """A request to turn the recording on or off.
-
-    Attributes:
-        answer: Takes whether it was done and a sentence; to be called once, from any thread.
-    """
+    """A request to turn the recording on or off."""
 
     on: bool  # Which of the two
+    # Takes whether it was done and a sentence; to be called once, from any thread.
     answer: Callable[[bool, str], None]
 
 

@@ -19,16 +19,13 @@ BLOCK_ANGLE = math.pi / 4.0
 
 
 class PathTable(NamedTuple):
-    """A path as the kernels take it.
-
-    Attributes:
-        first: Index of the last angle at or before the start of each block, and one after the
-            end of the last one, shape (blocks + 1,).
-    """
+    """A path as the kernels take it."""
 
     theta: FloatArray  # Ascending wound angles [rad], shape (n,)
     z: FloatArray  # Axial positions [m], shape (n,)
     lift: FloatArray  # Heights above cable that lies on the cylinder [m], shape (n,); (0,) for none
+    # Index of the last angle at or before the start of each block, and one after the end of the
+    # last one, shape (blocks + 1,).
     first: IndexArray
     lowest: FloatArray  # Least z of each block [m], shape (blocks,)
     highest: FloatArray  # Greatest z of each block [m], shape (blocks,)
@@ -59,11 +56,6 @@ class CablePath:
 
     The arrays are copied and cannot be written: what is checked here holds for every scene.
 
-    Attributes:
-        lift: How far the centre line lies outside that of cable on the cylinder [m], shape (n,):
-            of turns that climb on others; None for cable that all lies on the cylinder.
-        table: Both with the bounds of blocks of turns, for the renderer.
-
     Raises:
         ValueError: The arrays differ in shape, theta does not ascend, z is not finite or a lift is
             negative.
@@ -71,7 +63,10 @@ class CablePath:
 
     theta: FloatArray  # Ascending wound angles behind P0 [rad], shape (n,), n at least 2
     z: FloatArray  # Axial positions there [m], shape (n,)
+    # How far the centre line lies outside that of cable on the cylinder [m], shape (n,): of turns
+    # that climb on others; None for cable that all lies on the cylinder.
     lift: FloatArray | None = None
+    # Both with the bounds of blocks of turns, for the renderer.
     table: PathTable = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

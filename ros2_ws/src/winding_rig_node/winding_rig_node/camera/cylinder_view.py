@@ -22,13 +22,10 @@ _FLANGE = 3.0e-3
 
 @dataclass(frozen=True, kw_only=True)
 class StaticView:
-    """The still part of the picture of one cylinder.
+    """The still part of the picture of one cylinder."""
 
-    Attributes:
-        inverse_depth: Of the cylinder, or a flange before it, at each sample [1/m], zero beside it,
-            shape (rows * s, columns * s).
-    """
-
+    # Of the cylinder, or a flange before it, at each sample [1/m], zero beside it, shape (rows * s,
+    # columns * s).
     inverse_depth: SingleArray
     radiance: SingleArray  # Mean of each pixel without the cable, shape (rows, columns, 3)
     rays: RayRange  # Through the window

@@ -39,16 +39,13 @@ class Point(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Buffers of the samples.
+    """Buffers of the samples."""
 
-    Attributes:
-        seen: Label, inverse depth (the cylinder's for no label), shade and gloss of what is seen,
-            shape (rows * per_pixel, columns * per_pixel, 4).
-        shown: One for each block of the radiance image that is not background, shape of touched.
-    """
-
+    # Label, inverse depth (the cylinder's for no label), shade and gloss of what is seen, shape
+    # (rows * per_pixel, columns * per_pixel, 4).
     seen: SingleArray
     touched: ByteArray  # One for each block of pixels that was drawn into, shape (rows, blocks)
+    # One for each block of the radiance image that is not background, shape of touched.
     shown: ByteArray
     per_pixel: int  # Samples per pixel and direction
 

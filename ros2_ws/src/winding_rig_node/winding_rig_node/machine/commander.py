@@ -41,17 +41,14 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class CommandLimits:
-    """What a commander may ask of the machine.
-
-    Attributes:
-        timeout: How long a target holds that is not reached yet, and how old one may be [s].
-    """
+    """What a commander may ask of the machine."""
 
     cylinder: MotionLimits = CYLINDER_LIMITS  # Its axis
     carriage: MotionLimits = CARRIAGE_LIMITS  # Its axis
     low_tension: float = 0.1  # Smallest pull of the brake [N]
     high_tension: float = 20.0  # Its largest pull [N]
     brake_time: float = 0.2  # Time constant of the brake [s]
+    # How long a target holds that is not reached yet, and how old one may be [s].
     timeout: float = 0.5
 
     def __post_init__(self) -> None:

@@ -51,14 +51,11 @@ _GARBAGE = (math.nan, math.inf, -math.inf)
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One fault of one signal.
-
-    Attributes:
-        amount: Factor, one value in so many, delay [s] or share lost; 0 for a kind without one.
-    """
+    """One fault of one signal."""
 
     target: str  # Name of the signal
     kind: FaultKind  # What is wrong
+    # Factor, one value in so many, delay [s] or share lost; 0 for a kind without one.
     amount: float = 0.0
 
 

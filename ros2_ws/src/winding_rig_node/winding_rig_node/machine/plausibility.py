@@ -24,22 +24,18 @@ class AxisLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class PlausibilityConfig:
-    """Limits of the machine's sensors.
-
-    Attributes:
-        disagreement: Largest difference between measured speed and commanded speed, or the
-            speed that the motor's voltage stands for, as a share of full speed. Twelve healthy
-            cases stay below 0.05.
-        still_tension: How long a load cell may repeat one value [s]; noise moves a healthy one.
-    """
+    """Limits of the machine's sensors."""
 
     axes: tuple[AxisLimits, ...]  # Cylinder and carriage
     weight: float  # Dead weight on the cable [N]
     patience: float = 0.05  # How long a limit may be exceeded [s]
     overspeed: float = 1.5  # Largest speed, as a share of full speed
+    # Largest difference between measured speed and commanded speed, or the speed that the motor's
+    # voltage stands for, as a share of full speed. Twelve healthy cases stay below 0.05.
     disagreement: float = 0.25
     low_tension: float = 0.2  # Smallest tension, as a share of the weight
     high_tension: float = 3.0  # Largest tension, as a share of the weight
+    # How long a load cell may repeat one value [s]; noise moves a healthy one.
     still_tension: float = 0.3
 
 

@@ -39,17 +39,14 @@ FrameListener = Callable[[float, NDArray[np.uint8]], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
-    """One frame that the camera has to take, and where the axes stand then.
-
-    Attributes:
-        lay: What the machine has wound by then; None for a lay that is known ahead.
-    """
+    """One frame that the camera has to take, and where the axes stand then."""
 
     t: float  # [s]
     index: int  # Of the frame, from 0
     cylinder_angle: float  # [rad]
     angular_speed: float  # [rad/s]
     guide_z: float  # [m]
+    # What the machine has wound by then; None for a lay that is known ahead.
     lay: LayView | None = None
 
 

@@ -27,18 +27,13 @@ SEEN_AFTER = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """The expected information of a motion.
-
-    Attributes:
-        gain: Mean of ln of how much smaller the volume of what is looked for becomes [nat].
-        share: Expected deviation of each number over that before, by name; of its normal deviate.
-        markers: How many markers it lands in the middle of the prior.
-    """
+    """The expected information of a motion."""
 
     motion: Motion
-    gain: float
+    gain: float  # Mean of ln of how much smaller the volume of what is looked for becomes [nat]
+    # Expected deviation of each number over that before, by name; of its normal deviate.
     share: dict[str, float]
-    markers: int
+    markers: int  # How many markers it lands in the middle of the prior
 
     @property
     def most(self) -> str:

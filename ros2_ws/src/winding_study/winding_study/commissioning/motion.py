@@ -24,27 +24,20 @@ _FULL_TURN = 2.0 * math.pi
 
 @dataclass(frozen=True, kw_only=True)
 class MachineReach:
-    """What the machine may do.
+    """What the machine may do."""
 
-    Attributes:
-        speeds: Smallest and largest cylinder speed [rad/s]; equal where it is the machine's own.
-        carriage_speed: Largest speed of the carriage [m/s].
-        feed: Speed of the carriage where that is the machine's own [m/s]; None: it is chosen.
-        travel: Greatest way of the carriage [m], towards the side of the feed.
-        clear: Least advance of the guide per turn with which no turn lies on another [m].
-        pulls: Smallest and largest pull that may be commanded [N]; None: the weight alone pulls.
-        longest: Longest motion [s].
-    """
-
+    # Smallest and largest cylinder speed [rad/s]; equal where it is the machine's own.
     speeds: tuple[float, float]
-    carriage_speed: float
+    carriage_speed: float  # Largest speed of the carriage [m/s]
+    # Speed of the carriage where that is the machine's own [m/s]; None: it is chosen.
     feed: float | None = None
-    travel: float
-    clear: float = 0.0
+    travel: float  # Greatest way of the carriage [m], towards the side of the feed
+    clear: float = 0.0  # Least advance of the guide per turn with which no turn lies on another [m]
     weight: float  # Pull without a command [N]
+    # Smallest and largest pull that may be commanded [N]; None: the weight alone pulls.
     pulls: tuple[float, float] | None = None
     ramp_time: float  # From standstill to full speed [s]
-    longest: float = LONGEST
+    longest: float = LONGEST  # Longest motion [s]
 
     def __post_init__(self) -> None:
         low, high = self.speeds
@@ -70,18 +63,14 @@ class MachineReach:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """One motion of a machine.
-
-    Attributes:
-        angles: Cylinder angles of the pull's corners [rad], ascending from 0.
-        pulls: The pull there [N], straight lines between, the weight's at 0; one alone is not
-            commanded.
-    """
+    """One motion of a machine."""
 
     name: str  # Of the pull's course
     drive: DriveProfile  # Of both axes
     duration: float  # [s]
+    # Cylinder angles of the pull's corners [rad], ascending from 0.
     angles: tuple[float, ...] = (0.0,)
+    # The pull there [N], straight lines between, the weight's at 0; one alone is not commanded.
     pulls: tuple[float, ...]
 
     @property

@@ -158,15 +158,12 @@ def _reads_as_number(text: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSpec:
-    """A sweep's parameters with their values.
+    """A sweep's parameters with their values."""
 
-    Attributes:
-        axes: Values of each parameter that is named, in the text's order.
-        combine: `grid`, every value with every other, the last parameter fastest; or `zip`,
-            first values together, second values together, single values with all.
-    """
-
+    # Values of each parameter that is named, in the text's order.
     axes: Mapping[str, tuple[Value, ...]]
+    # `grid`, every value with every other, the last parameter fastest; or `zip`, first values
+    # together, second values together, single values with all.
     combine: str
 
     def __len__(self) -> int:

@@ -197,19 +197,16 @@ class SimulatedTracker:
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedRun:
-    """What is run.
-
-    Attributes:
-        markers: Wound angle at which a marker is wanted [rad], by marker.
-        control: How the lay is controlled.
-    """
+    """What is run."""
 
     what: ResolvedCondition  # Condition
     wanted: WantedLay  # Lay that is wanted
+    # Wound angle at which a marker is wanted [rad], by marker.
     markers: Mapping[int, float] = field(default_factory=dict)
     end: float  # Wound angle at which the run ends [rad]
     truth: str  # rod, or driven: which cable is the true one
     hidden: HiddenRig  # The rig
+    # How the lay is controlled.
     control: ControlParameters = field(default_factory=ControlParameters)
     mode: ControlMode = ControlMode.DRIVE  # DRIVE, or WATCH for the open loop
     errors: CameraErrors = field(default_factory=CameraErrors)  # Of the tracker
@@ -222,12 +219,9 @@ class ClosedRun:
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedResult:
-    """Where the cable landed.
+    """Where the cable landed."""
 
-    Attributes:
-        marker_theta: Wound angles of P1 and on [rad], shape (m,); nan for one that never landed.
-    """
-
+    # Wound angles of P1 and on [rad], shape (m,); nan for one that never landed.
     marker_theta: Array
     marker_error: Array  # z less the wanted z there [m], shape (m,)
     theta: Array  # Wound angles [rad], shape (n,)
