@@ -29,9 +29,6 @@ _SILENT = 1.0
 class Guided:
     """The guide of one machine.
 
-    Args:
-        mapping: Of the machine.
-
     Attributes:
         lead: What leads the guide.
 

@@ -57,10 +57,6 @@ _COMMANDS = {
 class ArmDriverNode(Node):  # type: ignore[misc]
     """Plain node: publishes rig/joint_states, the arm's commands and /diagnostics.
 
-    Args:
-        mapping: Of the machine.
-        context: Of ROS, initialised.
-
     Raises:
         MappingError: TF is to be read and its message type is not installed.
         ArmError: The arm's description cannot be used.

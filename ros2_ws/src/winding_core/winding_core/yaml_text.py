@@ -35,10 +35,6 @@ class PlainLoader(yaml.SafeLoader):
 def load_yaml(text: str, loader: type[yaml.SafeLoader] = PlainLoader) -> Any:
     """Return what a YAML document holds: mappings, lists, numbers, texts.
 
-    Args:
-        text: The document.
-        loader: PlainLoader, or a stricter one.
-
     Raises:
         YamlTextError: Why it is refused, in one line.
     """

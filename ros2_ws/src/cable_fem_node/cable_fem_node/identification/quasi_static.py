@@ -29,10 +29,6 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     where the fleet-angle law dz/dtheta = (z_guide - z) rho / L puts it, and sticks. Inertia,
     contact's depth and the chords of elements are what the rod adds.
 
-    Args:
-        run: Inputs and markers.
-        law: The material that is tried.
-
     Raises:
         IdentificationError: The last marker does not land within the run.
     """

@@ -69,9 +69,6 @@ class RodWinding(WindingModel):
     Turns that lie still on the cylinder rest: they turn with it and are not integrated until
     something moves the cable next to them.
 
-    Args:
-        config: The model.
-
     Raises:
         ValueError: The rod cannot be right about it; the sentence names the number and a remedy.
     """

@@ -333,10 +333,6 @@ def guide_check(resolved: ResolvedModel, angle: float) -> Check:
     """Return whether the guide stands clear of layers between flanges, see `ContactLaw`.
 
     Layers lie as low as they can, one in the valleys of the other, sqrt(3) / 2 diameters above it.
-
-    Args:
-        resolved: What is wound.
-        angle: Wound [rad].
     """
     touch = resolved.constants.touch
     turns = (touch.high - touch.low) / touch.apart + 1.0

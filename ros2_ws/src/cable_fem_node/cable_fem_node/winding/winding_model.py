@@ -33,9 +33,6 @@ _FREE = 4
 class WindingModel(ABC):
     """A cable between the turning cylinder and the guide, advanced along the machine's motion.
 
-    Args:
-        config: The model.
-
     Attributes:
         config: The model.
         time: [s]

@@ -40,10 +40,6 @@ class FactorNetworks(nn.Module):
 
     They share nothing but their shape: the gradient of the sum of their losses is each one's own.
     Every network starts near h = 1, no correction, whatever its seed.
-
-    Args:
-        inputs: Numbers that each network sees.
-        seeds: One for each network.
     """
 
     def __init__(self, inputs: int, seeds: Sequence[int]) -> None:

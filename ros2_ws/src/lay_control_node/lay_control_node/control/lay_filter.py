@@ -103,9 +103,6 @@ class LayFilter:
 
     On a drum the radius of each layer is that of its plan. The guide keeps its distance from the
     axis, so one free length on the bare cylinder is that of every layer.
-
-    Args:
-        config: The prior.
     """
 
     def __init__(self, config: LayFilterConfig) -> None:

@@ -25,10 +25,6 @@ class LayOnLaw:
 
     The same closed form as `winding_core.lay.quasi_static`, as a table over the tension.
 
-    Args:
-        case: What is wound.
-        law: Material of the cable.
-
     Attributes:
         largest: Largest tension of the table [N].
     """

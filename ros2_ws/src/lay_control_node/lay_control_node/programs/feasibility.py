@@ -37,10 +37,6 @@ def refuse_overlap(program: LayProgram, cable_diameter: float) -> None:
     Where z has turned back in between and they run in different directions they cross, see
     `crossings`.
 
-    Args:
-        program: The program.
-        cable_diameter: [m]
-
     Raises:
         LayProgramError: Two turns would overlap; the message contains where.
     """

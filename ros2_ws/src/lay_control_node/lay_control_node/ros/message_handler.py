@@ -167,9 +167,6 @@ class LayControlHandler:
 
         It goes on at its own rate for as long as a gap may be, then at the drive programme's for a
         second: what stays away for longer is for the machine to deal with.
-
-        Args:
-            now: Monotonic time [s].
         """
         planned = self._planned
         if planned is None or self.cadence.since(now) < _CARRIED_AFTER * self._period:

@@ -55,12 +55,7 @@ class LayTracker:
     """
 
     def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
-        """Start a run.
-
-        Args:
-            config: Machine, cable, pose and limits.
-            camera: Content of CameraInfo.
-        """
+        """Start a run."""
         self.config = config
         self._machine = config.machine
         self.span: FreeSpan | None = None

@@ -25,11 +25,6 @@ def measured_run(
 ) -> tuple[TrackedRun, str]:
     """Return a finished run, and the tracker's report on the camera's clock.
 
-    Args:
-        buffer: Messages of the run.
-        config: What was wound, as configured.
-        motion: That was commanded.
-
     Raises:
         IdentificationError: No marker was measured, or there is no reading of the pull.
     """

@@ -35,13 +35,7 @@ _NAMES = ("speed", "acceleration", "jerk")
 
 
 def demands(line: SmoothedLine, speed: float, limits: PlanLimits) -> dict[str, float]:
-    """Return the largest speed, acceleration and jerk of the guide as shares of their limits.
-
-    Args:
-        line: The guide's path.
-        speed: Of the cylinder, constant [rad/s].
-        limits: Of the machine.
-    """
+    """Return the largest speed, acceleration and jerk of the guide as shares of their limits."""
     theta = _samples(line)
     most = (limits.carriage_speed, limits.carriage_acceleration, limits.carriage_jerk)
     return {

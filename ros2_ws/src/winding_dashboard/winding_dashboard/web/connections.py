@@ -39,12 +39,7 @@ class _Held:
 
 
 class Connections:
-    """ASGI middleware that knows the server's open connections by host and port of their peers.
-
-    Args:
-        app: What is behind it.
-        bounds: Of the connections.
-    """
+    """ASGI middleware that knows the server's open connections by host and port of their peers."""
 
     def __init__(self, app: ASGIApp, bounds: Bounds) -> None:
         self._app, self.bounds = app, bounds

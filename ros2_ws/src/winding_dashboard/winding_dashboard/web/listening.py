@@ -29,11 +29,6 @@ _IDLE = 4
 def listen(app: ASGIApp, host: str, port: int) -> None:
     """Serve an application until a signal.
 
-    Args:
-        app: What answers.
-        host: Address.
-        port: TCP port.
-
     Raises:
         SystemExit: The port is taken; the reason has been printed.
     """

@@ -19,10 +19,6 @@ _STOPS = (STOP, QUICK_STOP, EMERGENCY_STOP)
 class Link:
     """State of the link.
 
-    Args:
-        server: Waits and limits.
-        now: Monotonic time [s].
-
     Attributes:
         up: Whether commands and values pass.
         losses: Times that it was lost.

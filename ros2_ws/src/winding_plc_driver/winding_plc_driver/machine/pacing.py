@@ -25,11 +25,7 @@ _NANO = 1e9
 
 
 class Pacer:
-    """Lets items go in the order of their timestamps, a long queue at four times their own pace.
-
-    Args:
-        now: Monotonic time [s].
-    """
+    """Lets items go in the order of their timestamps, a long queue at four times their own pace."""
 
     def __init__(self, now: float) -> None:
         self._waiting: list[tuple[int, int, Sample | Measured]] = []

@@ -106,10 +106,6 @@ class BagWriter:
     def write(self, channel: int, message: StoredMessage) -> None:
         """Take a message.
 
-        Args:
-            channel: Index of its topic.
-            message: It.
-
         Raises:
             BagError: It has a time that no recording can hold; it is left out.
             OSError: The disk is full or broken. The message is taken all the same; `close` now.

@@ -41,11 +41,7 @@ class BufferedMessage(NamedTuple):
 
 
 class StampRuns:
-    """Every stamp of a topic, held as runs of equal steps: a steady topic takes no memory.
-
-    Args:
-        step_ns: The topic's period [ns].
-    """
+    """Every stamp of a topic, held as runs of equal steps: a steady topic takes no memory."""
 
     def __init__(self, step_ns: int) -> None:
         self._step_ns = step_ns

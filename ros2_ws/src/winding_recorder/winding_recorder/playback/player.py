@@ -159,9 +159,6 @@ class Player:
 
         What came before the busiest topic, while the graph was started, is published at once.
 
-        Args:
-            stopped: Whether to end early.
-
         Raises:
             BagError: The recording is damaged.
         """

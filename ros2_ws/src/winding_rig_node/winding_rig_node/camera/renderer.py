@@ -63,12 +63,7 @@ class Renderer:
         self._views: dict[tuple[float, tuple[float, float], float, Paint], StaticView] = {}
 
     def render(self, scene: Scene, rng: np.random.Generator) -> ByteArray:
-        """Return the frame of a scene, uint8 of shape (rows, columns, 3), blue-green-red.
-
-        Args:
-            scene: What stands before the camera.
-            rng: Source of the sensor's noise.
-        """
+        """Return the frame of a scene, uint8 of shape (rows, columns, 3), blue-green-red."""
         config = self.config
         radiance = self.surroundings.cover(config, self._smeared(scene))
         if config.defocus > 0.0:

@@ -82,9 +82,6 @@ class ArmGuide:
     """Moves the eye as the carriage is asked to move; the eye's way along the axis is its axis.
 
     The arm's controller makes up for the weight of its links and for the pull of the cable.
-
-    Args:
-        path: Of the guide.
     """
 
     def __init__(self, path: ArmPath) -> None:

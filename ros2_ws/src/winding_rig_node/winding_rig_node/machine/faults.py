@@ -116,12 +116,7 @@ class _ChannelState:
 
 
 class FaultyChannel:
-    """A signal with one fault in it.
-
-    Args:
-        fault: What is wrong.
-        rng: Draws garbage and losses.
-    """
+    """A signal with one fault in it."""
 
     def __init__(self, fault: Fault, rng: np.random.Generator) -> None:
         self.fault = fault

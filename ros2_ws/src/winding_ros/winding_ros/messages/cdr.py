@@ -98,9 +98,6 @@ def _align(buffer: bytearray, size: int) -> None:
 class CdrReader:
     """Walks through the fields of a message.
 
-    Args:
-        data: CDR bytes.
-
     Attributes:
         offset: Of the next byte.
 

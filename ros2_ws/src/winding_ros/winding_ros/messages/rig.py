@@ -126,9 +126,6 @@ class JointStateReader:
     """Decodes the joint states of one machine, one after the other.
 
     Messages of one driver look alike: only the first is taken apart as a message object.
-
-    Args:
-        axes: Of the machine.
     """
 
     def __init__(self, axes: MachineAxes) -> None:

@@ -319,12 +319,7 @@ _REPEAT = 0.5
 
 
 class StopRequest:
-    """Calls rig/quick_stop, or rig/stop where that has no server, at most every half second.
-
-    Args:
-        node: Who asks.
-        clock: Monotonic wall time [s].
-    """
+    """Calls rig/quick_stop, or rig/stop where that has no server, at most every half second."""
 
     def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
         self._node = node

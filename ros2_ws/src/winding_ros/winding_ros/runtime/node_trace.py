@@ -39,10 +39,6 @@ class NodeTrace:
     """Notes instants while the topic `trace` has a subscription, and publishes them in batches.
 
     Methods may be called from any thread.
-
-    Args:
-        node: Whose trace.
-        name: Node name in the graph.
     """
 
     def __init__(self, node: Node, name: str) -> None:

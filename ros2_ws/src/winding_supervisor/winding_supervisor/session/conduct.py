@@ -25,9 +25,6 @@ Parameters = dict[str, dict[str, object]]
 class Conduct:
     """One run, which is started here.
 
-    Args:
-        who: Takes part in the session.
-
     Attributes:
         operated: Whether an operator begins runs, as many as they like.
         throughout: Whether nodes and machine are watched between two runs as well.
@@ -58,10 +55,6 @@ class Conduct:
 
     def over(self, t: float, *, closed: bool) -> Cause | None:
         """Return why a run is over that supervision has not ended.
-
-        Args:
-            t: When [s].
-            closed: Whether the session is closed.
 
         Returns:
             None for a run that came to its end.

@@ -34,12 +34,7 @@ class LoadMonitor:
         self._processes: dict[str, psutil.Process] = {}
 
     def look(self, now: float, pids: Mapping[str, int]) -> tuple[Level, str, dict[str, str]]:
-        """Return level, sentence and values at wall time `now` [s].
-
-        Args:
-            now: Wall time [s].
-            pids: Process ids by node.
-        """
+        """Return level, sentence and values at wall time `now` [s]."""
         span = now - self._last if self._last is not None else 0.0
         self._last = now
         values = self._latency()
