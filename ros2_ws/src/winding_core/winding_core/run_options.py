@@ -13,16 +13,7 @@ from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MarkerParameters
 from winding_core.parameters import parameter
 from winding_core.raw_image import ENCODINGS
-from winding_core.units import (
-    LENGTH,
-    PATH,
-    PLAIN,
-    ROW_TIME,
-    SHORT_TIME,
-    SIZE,
-    SMALL_ANGLE,
-    TIME,
-)
+from winding_core.units import LENGTH, PATH, PLAIN, ROW_TIME, SHORT_TIME, SIZE, SMALL_ANGLE, TIME
 
 SIMULATED, EXTERNAL = "simulated", "external"
 # How an external machine begins.

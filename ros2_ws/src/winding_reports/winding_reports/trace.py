@@ -25,11 +25,7 @@ Floats = NDArray[np.float64]
 _Key = tuple[int, int, int]
 _TO_THE_LENGTH = ("correction: compute", "correction: publish length")
 _MICRO = 1.0e6
-_VERBS = {
-    TraceEvent.EXPOSED: "expose",
-    TraceEvent.TAKEN: "take",
-    TraceEvent.PUBLISHED: "publish",
-}
+_VERBS = {TraceEvent.EXPOSED: "expose", TraceEvent.TAKEN: "take", TraceEvent.PUBLISHED: "publish"}
 # Rows of the viewer: the ways stand above the nodes.
 _WAYS = {"camera": 1, "prediction": 2}
 _FIRST_STATION = 10

@@ -199,13 +199,7 @@ PAGE = NodeSpec(
     extra_subscriptions=tuple(
         topic
         for topic in topics.TOPICS
-        if topic
-        not in (
-            topics.CLOCK,
-            topics.IMAGE,
-            topics.RECORDER_PROGRESS,
-            topics.TRACE,
-        )
+        if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS, topics.TRACE)
         and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR, topics.RUN_SERVER)
     ),
     policy=Policy.ASIDE,

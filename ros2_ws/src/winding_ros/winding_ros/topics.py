@@ -22,11 +22,7 @@ from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.trace import TRACE_DTYPE
 from winding_ros.messages.camera import decode_camera_info, decode_image, decode_preview
 from winding_ros.messages.clouds import decode_cloud, decode_line_width
-from winding_ros.messages.commands import (
-    decode_targets,
-    decode_tension_command,
-    decode_trajectory,
-)
+from winding_ros.messages.commands import decode_targets, decode_tension_command, decode_trajectory
 from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics, decode_material
 from winding_ros.messages.rig import decode_clock, decode_joint_state, decode_quantity
 from winding_ros.messages.stamps import decode_stamp

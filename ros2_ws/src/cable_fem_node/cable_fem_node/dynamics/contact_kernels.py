@@ -235,12 +235,7 @@ def _note_rates(begin: int, end: int, dt: float, turned: float, points: Points) 
 
 @called
 def _press(
-    begin: int,
-    end: int,
-    dt: float,
-    surface: Surface,
-    points: Points,
-    k: ContactLaw,
+    begin: int, end: int, dt: float, surface: Surface, points: Points, k: ContactLaw
 ) -> float:
     """Write how cable below pushes nodes, see `Points.below`, and is pushed back where it moves.
 

@@ -89,10 +89,7 @@ class ExplicitModel(ABC):
             self._free[AXES.index(axis), nodes] = 1.0
 
     def drive(
-        self,
-        nodes: int | Sequence[int] | NDArray[np.intp],
-        velocity: ArrayLike,
-        axes: str = AXES,
+        self, nodes: int | Sequence[int] | NDArray[np.intp], velocity: ArrayLike, axes: str = AXES
     ) -> None:
         """Move nodes with a given velocity (3,) [m/s]."""
         given = np.asarray(velocity, dtype=float)

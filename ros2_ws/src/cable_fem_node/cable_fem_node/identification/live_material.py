@@ -8,11 +8,7 @@ from dataclasses import dataclass
 from importlib import import_module
 
 from cable_fem_node.dynamics.state import SolverError
-from cable_fem_node.identification.modulus import (
-    ModulusEstimate,
-    identify_modulus,
-    with_young,
-)
+from cable_fem_node.identification.modulus import ModulusEstimate, identify_modulus, with_young
 from cable_fem_node.identification.search import FitConfig, RodExcess
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun

@@ -278,10 +278,7 @@ class RigPosterior:
 
 
 def identify_rig(
-    runs: Sequence[TrackedRun],
-    prior: RigPrior | None = None,
-    *,
-    draws: int = DRAWS,
+    runs: Sequence[TrackedRun], prior: RigPrior | None = None, *, draws: int = DRAWS
 ) -> RigPosterior:
     """Return the joint posterior of the rig that wound one cable.
 
@@ -354,10 +351,7 @@ def _refuse_different(runs: Sequence[TrackedRun]) -> None:
 
 
 def _scattered(
-    runs: Sequence[TrackedRun],
-    prior: RigPrior,
-    lays: Sequence[RigLay],
-    before: RigSearch,
+    runs: Sequence[TrackedRun], prior: RigPrior, lays: Sequence[RigLay], before: RigSearch
 ) -> tuple[float, RigSearch]:
     """Return the scatter [m] at which the sum of squares is as expected, and the search with it."""
 

@@ -9,13 +9,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions, amplitude_at, move
-from cable_fem_node.dynamics.state import (
-    LOSS_DAMPING,
-    ContactLaw,
-    FloatArray,
-    IntArray,
-    Points,
-)
+from cable_fem_node.dynamics.state import LOSS_DAMPING, ContactLaw, FloatArray, IntArray, Points
 from cable_fem_node.solid.solid_law_kernels import piola
 
 
@@ -35,11 +29,7 @@ class HexMesh(NamedTuple):
 
 @kernel
 def hex_forces(
-    position: FloatArray,
-    velocity: FloatArray,
-    mesh: HexMesh,
-    viscous: bool,
-    net: FloatArray,
+    position: FloatArray, velocity: FloatArray, mesh: HexMesh, viscous: bool, net: FloatArray
 ) -> tuple[int, float, float, float]:
     """Fill the nodes' internal forces (3, nodes) [N].
 

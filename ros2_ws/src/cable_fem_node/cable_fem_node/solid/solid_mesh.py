@@ -82,13 +82,7 @@ def section_mesh(
     return np.vstack(points), np.array(quads, dtype=np.int64), loops[-1].astype(np.int64)
 
 
-def round_bar(
-    diameter: float,
-    axial: ArrayLike,
-    *,
-    rim_nodes: int = 12,
-    rings: int = 1,
-) -> BarMesh:
+def round_bar(diameter: float, axial: ArrayLike, *, rim_nodes: int = 12, rings: int = 1) -> BarMesh:
     """Return the mesh of a round bar along z with sections at increasing positions [m].
 
     Raises:

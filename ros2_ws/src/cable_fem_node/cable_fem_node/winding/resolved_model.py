@@ -219,11 +219,7 @@ class ResolvedModel:
             mass=mass,
             bending=case.bending_stiffness,
             touch=penalty(
-                normal,
-                mass,
-                friction=friction,
-                stick_share=0.25,
-                cable_radius=case.cable_radius,
+                normal, mass, friction=friction, stick_share=0.25, cable_radius=case.cable_radius
             )._replace(line=radius, chords=chords, apart=2.0 * (radius - case.cylinder_radius)),
             damping_rate=2.0 * damping_ratio * first_mode,
             start_radius=chords,

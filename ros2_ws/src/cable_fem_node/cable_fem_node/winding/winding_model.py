@@ -10,12 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import LEDGER_SIZE, EnergyLedger, FloatArray
-from cable_fem_node.rod.rod_records import (
-    ANGLE,
-    EYE_X,
-    STRETCH,
-    TENSION,
-)
+from cable_fem_node.rod.rod_records import ANGLE, EYE_X, STRETCH, TENSION
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.machine.readings import AxisReading, GuidePlace
 from winding_core.markers import MarkerFlag, Markers, wound_markers

@@ -79,9 +79,7 @@ def learn_and_hold_out(
         held_out = hold_out(cells, [model.h for model in others])
         found.append(
             HeldOut(
-                whole=whole,
-                left_out=tuple(others),
-                score=score(cells, whole.h(cells), held_out),
+                whole=whole, left_out=tuple(others), score=score(cells, whole.h(cells), held_out)
             )
         )
     return found
@@ -234,12 +232,7 @@ def _card(
     learner, cells = OWN if data.own else LEARNERS[name], data.cells
     cases = len(set(case_numbers(cells).tolist()))
     return {
-        "data": {
-            "name": data.name,
-            "sha256": data.sha256,
-            "cells": len(cells),
-            "cases": cases,
-        },
+        "data": {"name": data.name, "sha256": data.sha256, "cells": len(cells), "cases": cases},
         "model": learner.description,
         "selection": learner.selection,
         "training": training if learner.seeded else {},

@@ -12,14 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from correction_node.models.dataset import (
-    INPUTS,
-    Array,
-    LengthCell,
-    case_numbers,
-    lengths,
-    strain,
-)
+from correction_node.models.dataset import INPUTS, Array, LengthCell, case_numbers, lengths, strain
 from correction_node.models.factor_models import (
     RIG_LAW,
     FactorModel,
@@ -286,9 +279,7 @@ def _equation_five(cells: Sequence[LengthCell]) -> Problem:
 
 def _relative(cells: Sequence[LengthCell], predicted: Array, measured: Array) -> Problem:
     return Problem(
-        inputs=INPUTS["dimensionless"](cells),
-        gain=predicted / measured,
-        target=np.ones(len(cells)),
+        inputs=INPUTS["dimensionless"](cells), gain=predicted / measured, target=np.ones(len(cells))
     )
 
 

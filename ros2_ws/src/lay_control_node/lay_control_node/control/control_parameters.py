@@ -132,9 +132,7 @@ class ControlParameters(GuideBounds):
                 markers=markers,
                 wanted=wanted,
                 bounds=PullBounds(
-                    low=pulls[0],
-                    high=pulls[1],
-                    per_radian=_PULL_CHANGE * what.friction,
+                    low=pulls[0], high=pulls[1], per_radian=_PULL_CHANGE * what.friction
                 ),
             )
         return LayController(

@@ -148,11 +148,7 @@ class LandingLaw:
         return low
 
     def _renewed(
-        self,
-        progress: Progress,
-        estimate: StretchEstimate,
-        pull: float,
-        aims: Mapping[int, float],
+        self, progress: Progress, estimate: StretchEstimate, pull: float, aims: Mapping[int, float]
     ) -> tuple[Array, Array]:
         """Return angles [rad] and ln(pull) of a new plan, which begins where the old one is."""
         from scipy.optimize import lsq_linear  # noqa: PLC0415

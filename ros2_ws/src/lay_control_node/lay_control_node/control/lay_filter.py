@@ -170,12 +170,7 @@ class LayFilter:
         self._since.append(place)
 
     def measure(
-        self,
-        theta: float,
-        z: float,
-        sigma: float,
-        limit: float = math.inf,
-        held: float = 0.0,
+        self, theta: float, z: float, sigma: float, limit: float = math.inf, held: float = 0.0
     ) -> float | None:
         """Take the height z [m] of cable at a wound angle [rad] with its deviation [m].
 

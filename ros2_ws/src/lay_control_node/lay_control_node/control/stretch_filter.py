@@ -61,11 +61,7 @@ class StretchEstimate:
         """Return the law of a mean (4,) and its covariance (4, 4)."""
         share, drag, start, build_up = map(float, mean)
         return cls(
-            share=share,
-            drag=drag,
-            start=start,
-            build_up_length=build_up,
-            covariance=covariance,
+            share=share, drag=drag, start=start, build_up_length=build_up, covariance=covariance
         )
 
     def moved(self, change: Array) -> Self:
@@ -117,12 +113,7 @@ class StretchFilter:
         self.config = config
         self._law, self._spacing, self._radius = law, spacing, radius
         self._mean = np.array([config.share, config.drag, config.start, config.build_up])
-        sigmas = (
-            config.sigma_share,
-            config.sigma_drag,
-            config.sigma_start,
-            config.sigma_build_up,
-        )
+        sigmas = (config.sigma_share, config.sigma_drag, config.sigma_start, config.sigma_build_up)
         self._covariance = np.diag(np.square(sigmas))
         # End angle, pull [N], slope [m/rad] of every step since the last landed marker.
         self._steps: list[tuple[float, float, float]] = []

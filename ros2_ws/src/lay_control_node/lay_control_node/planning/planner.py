@@ -142,10 +142,7 @@ def _steady_speed(program: LayProgram, wanted: float, limits: PlanLimits) -> flo
 
 
 def _pulls(
-    program: LayProgram,
-    cable: StretchedCable,
-    limits: PlanLimits,
-    grid: tuple[Array, Array, Array],
+    program: LayProgram, cable: StretchedCable, limits: PlanLimits, grid: tuple[Array, Array, Array]
 ) -> tuple[Track, PullPlan]:
     t, theta, slope = grid
     # The brake settles while the cylinder stands.

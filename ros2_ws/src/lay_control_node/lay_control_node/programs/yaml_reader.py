@@ -113,8 +113,7 @@ def _reverse_at(
 
 
 SEGMENTS: dict[
-    str,
-    tuple[tuple[str, ...], Callable[[PointList, Mapping[str, object], float, str], None]],
+    str, tuple[tuple[str, ...], Callable[[PointList, Mapping[str, object], float, str], None]]
 ] = {
     "helix": (("pitch_mm", "turns"), _helix),
     "dwell": (("turns",), _dwell),

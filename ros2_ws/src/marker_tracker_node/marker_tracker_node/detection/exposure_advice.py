@@ -15,12 +15,7 @@ import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
-from marker_tracker_node.detection.colour import (
-    CLIPPED_LEVEL,
-    CLIPPED_SHARE,
-    hsv,
-    hue_difference,
-)
+from marker_tracker_node.detection.colour import CLIPPED_LEVEL, CLIPPED_SHARE, hsv, hue_difference
 from winding_core.units import MILLISECOND
 
 # Least saturation of paint, and least level of its brightest channel: below, noise has hues.

@@ -163,13 +163,7 @@ def _shape(way: float, half: float, scale: float) -> float:  # pragma: no cover
 
 @called
 def _misfit(
-    signal: FloatArray,
-    first: int,
-    last: int,
-    edge: float,
-    half: float,
-    below: bool,
-    above: bool,
+    signal: FloatArray, first: int, last: int, edge: float, half: float, below: bool, above: bool
 ) -> float:  # pragma: no cover
     """Return the sum of squares that is left when the edge stands at a column.
 

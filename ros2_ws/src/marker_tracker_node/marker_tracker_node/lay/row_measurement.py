@@ -57,11 +57,7 @@ NUMBERS = 7
 
 @called
 def measure_row(
-    pixels: ByteArray,
-    rows: RowTables,
-    k: int,
-    slant: float,
-    found: FloatArray,
+    pixels: ByteArray, rows: RowTables, k: int, slant: float, found: FloatArray
 ) -> int:  # pragma: no cover
     """Write the turns that a row shows, by rising column, and return their number.
 

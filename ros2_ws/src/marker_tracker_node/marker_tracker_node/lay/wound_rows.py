@@ -57,12 +57,7 @@ TAIL = 0.6
 
 @compiled
 def take_row(
-    pixels: ByteArray,
-    rows: RowTables,
-    k: int,
-    places: Places,
-    machine: Machine,
-    moment: Moment,
+    pixels: ByteArray, rows: RowTables, k: int, places: Places, machine: Machine, moment: Moment
 ) -> int:  # pragma: no cover
     """Add what a row shows to what is known; return the number of turns.
 
@@ -182,11 +177,7 @@ def _older_is_nearer(
 
 @called
 def _number_newest(
-    found: FloatArray,
-    machine: Machine,
-    expected: FloatArray,
-    carried: float,
-    numbers: IndexArray,
+    found: FloatArray, machine: Machine, expected: FloatArray, carried: float, numbers: IndexArray
 ) -> None:  # pragma: no cover
     """Number the newest turn, on which nothing lies: it is seen whole.
 

@@ -85,10 +85,7 @@ def judge_encoder(heard: Heard) -> Iterator[Finding]:
         measured=f"largest {gap / MILLISECOND:.1f} ms",
     )
     span = stamps[-1] - stamps[0]
-    for name, position, velocity, unit in (
-        ("cylinder", 0, 1, "rad/s"),
-        ("carriage", 2, 3, "m/s"),
-    ):
+    for name, position, velocity, unit in (("cylinder", 0, 1, "rad/s"), ("carriage", 2, 3, "m/s")):
         moved = float(values[-1, position] - values[0, position]) / span
         speed = values[:, velocity]
         reported = float(np.diff(stamps) @ (0.5 * (speed[1:] + speed[:-1]))) / span

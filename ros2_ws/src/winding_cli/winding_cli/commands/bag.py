@@ -41,8 +41,7 @@ def _existing(source: Path) -> Path:
 
 
 Source = Annotated[
-    Path,
-    typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.", callback=_existing),
+    Path, typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.", callback=_existing)
 ]
 
 
@@ -193,8 +192,7 @@ def replay(
         float, typer.Option(help="Allowed difference, relative to the value or to 1.")
     ] = 1.0e-6,
     parameters: Annotated[
-        Path | None,
-        typer.Option(help="ROS parameter file in place of the recorded parameters."),
+        Path | None, typer.Option(help="ROS parameter file in place of the recorded parameters.")
     ] = None,
 ) -> None:
     """Feed recorded inputs to one node's work and compare its answers. Exit code 1 if they differ.

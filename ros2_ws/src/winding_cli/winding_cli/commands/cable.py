@@ -12,20 +12,8 @@ import typer
 from winding_cli.app import command_group
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import (
-    Force,
-    Json,
-    check_output_file,
-    staged,
-    write_json,
-)
-from winding_cli.terminal.record_options import (
-    Library,
-    Typed,
-    spelled,
-    with_declared,
-    with_options,
-)
+from winding_cli.terminal.output_path import Force, Json, check_output_file, staged, write_json
+from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared, with_options
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
 from winding_core.catalogue.cables import (
@@ -114,11 +102,7 @@ def show(name: Name, library: Library = None, json_file: Json = None, force: For
 
 @cable.command()
 def compare(
-    first: Name,
-    second: Name,
-    library: Library = None,
-    json_file: Json = None,
-    force: Force = False,
+    first: Name, second: Name, library: Library = None, json_file: Json = None, force: Force = False
 ) -> None:
     """Show two cables side by side, with what differs by more than its uncertainty."""
     check_output_file(json_file, "--json", force=force)

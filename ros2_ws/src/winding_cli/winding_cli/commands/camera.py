@@ -11,12 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from winding_cli.terminal.console import busy
-from winding_cli.terminal.output_path import (
-    Force,
-    check_output_file,
-    check_output_folder,
-    staged,
-)
+from winding_cli.terminal.output_path import Force, check_output_file, check_output_folder, staged
 from winding_cli.terminal.record_options import Domain, Namespace, Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
@@ -37,8 +32,7 @@ _CHECKED = 500
 
 Film = Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")]
 CameraFile = Annotated[
-    Path | None,
-    typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info."),
+    Path | None, typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info.")
 ]
 Fps = Annotated[
     float | None,

@@ -40,11 +40,7 @@ _COLUMNS = (
 )
 
 
-def doctor(
-    json: Json = None,
-    domain: Domain = None,
-    force: Force = False,
-) -> None:
+def doctor(json: Json = None, domain: Domain = None, force: Force = False) -> None:
     """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
     from winding_cli.doctor.examination import examine
     from winding_supervisor.session.domain_lock import DomainError, chosen_domain, lock_folder

@@ -153,12 +153,7 @@ def _rig(runs: list[TrackedRun], use: int | None, prior: RigPrior) -> dict[str, 
 
 def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
     from cable_fem_node.identification import identify_modulus, with_young
-    from winding_cli.offline.identified import (
-        print_constants,
-        print_fit,
-        print_modulus,
-        print_rest,
-    )
+    from winding_cli.offline.identified import print_constants, print_fit, print_modulus, print_rest
     from winding_study.identification.constants import identify_constants
 
     used, law = _first(runs, use), runs[0].config.law

@@ -12,13 +12,7 @@ import typer
 from rich.console import Console
 
 from winding_cli.offline.wound_parameters import wound_parameters
-from winding_cli.terminal.console import (
-    Shown,
-    busy,
-    marker_name,
-    record_table,
-    result_console,
-)
+from winding_cli.terminal.console import Shown, busy, marker_name, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
     Json,
@@ -28,13 +22,7 @@ from winding_cli.terminal.output_path import (
     staged,
     write_json,
 )
-from winding_cli.terminal.record_options import (
-    Cable,
-    Library,
-    Typed,
-    spelled,
-    with_options,
-)
+from winding_cli.terminal.record_options import Cable, Library, Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE, MILLIRADIAN, known
 from winding_study.run_parameters import RunParameters
@@ -256,10 +244,7 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
         "cable_per_turn_m": result.cable_per_turn().tolist(),
         "pitch_per_turn_m": result.pitch_per_turn().tolist(),
         "lies_per_turn": list(result.lies_per_turn()),
-        "cable": {
-            "s_m": result.cable["s"].tolist(),
-            "tension_n": result.cable["tension"].tolist(),
-        },
+        "cable": {"s_m": result.cable["s"].tolist(), "tension_n": result.cable["tension"].tolist()},
         "energy_j": {name: joule for name, joule in vars(energy).items() if name != "initial"},
         "energy_balance_pct": energy.balance_pct,
         "kinetic_over_internal": energy.kinetic_over_internal,

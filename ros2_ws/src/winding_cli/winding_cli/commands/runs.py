@@ -109,11 +109,7 @@ def show(run: Run, folder: In = Path("runs"), json_file: Json = None, force: For
 
 @runs.command()
 def compare(
-    first: Run,
-    second: Run,
-    folder: In = Path("runs"),
-    json_file: Json = None,
-    force: Force = False,
+    first: Run, second: Run, folder: In = Path("runs"), json_file: Json = None, force: Force = False
 ) -> None:
     """Show two runs side by side: what differs in condition, outcome and numbers."""
     from winding_reports.runs.run_row import compared

@@ -41,19 +41,16 @@ def study(
         str, typer.Option(help="Element of the solver: rod, or solid, the paper's C3D8R.")
     ] = "rod",
     fem: Annotated[
-        str,
-        typer.Option(help="What is corrected: own predictions, or the paper's published ones."),
+        str, typer.Option(help="What is corrected: own predictions, or the paper's published ones.")
     ] = "own",
     cases: Annotated[
         str | None, typer.Option(help="Rows of Table 1, such as 1,4 or 7-12; all twelve.")
     ] = None,
     duration_s: Annotated[
-        float,
-        typer.Option("--duration-s", "--duration", help="Simulated seconds of a run."),
+        float, typer.Option("--duration-s", "--duration", help="Simulated seconds of a run.")
     ] = 20.0,
     law: Annotated[
-        str | None,
-        typer.Option(help="Material law; linear, or neo_hookean with --calibrate-rig."),
+        str | None, typer.Option(help="Material law; linear, or neo_hookean with --calibrate-rig.")
     ] = None,
     segment_mm: Annotated[
         float | None,

@@ -13,12 +13,7 @@ import typer
 
 from winding_cli.offline.wound_parameters import wound_parameters
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import (
-    Force,
-    check_output_file,
-    check_output_folder,
-    staged,
-)
+from winding_cli.terminal.output_path import Force, check_output_file, check_output_folder, staged
 from winding_cli.terminal.refusal import FAILED, complain, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
 from winding_core.parameters import option_kinds

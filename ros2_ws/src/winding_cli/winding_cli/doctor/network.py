@@ -153,10 +153,7 @@ def judge_others(nodes: Collection[str]) -> Finding:
 def judge_loopback(patience: float = _LOOPBACK_PATIENCE) -> list[Finding]:
     """Send a datagram and a multicast over the loopback; return whether they arrived in time."""
     unicast, multicast = "datagrams on the loopback", "multicast on the loopback"
-    findings = [
-        ok(unicast, f"arrive at {_LOCALHOST}"),
-        ok(multicast, f"arrives in {_GROUP}"),
-    ]
+    findings = [ok(unicast, f"arrive at {_LOCALHOST}"), ok(multicast, f"arrives in {_GROUP}")]
     if refusal := _refusal("", patience):
         bring_up = "ip link set lo up; let the firewall pass 127.0.0.1"
         findings[0] = fail(unicast, refusal, bring_up)

@@ -174,10 +174,7 @@ def run_record(
             | declared_quantities(
                 SolverOptions,
                 vars(solver)
-                | {
-                    "segment_length": config.resolved.segment,
-                    "mass_scaling": config.mass_scaling,
-                },
+                | {"segment_length": config.resolved.segment, "mass_scaling": config.mass_scaling},
             ),
         ),
         cable=last_cable(buffer, case, wish),

@@ -123,10 +123,7 @@ def busy(description: str, *columns: ProgressColumn, total: float | None = None)
             share = "" if not state.total else f", {state.percentage:.0f} %"
             return f"winding: {state.description}{share}, {state.elapsed:.0f} s"
 
-        with (
-            PROGRESS.heard(compiling),
-            nullcontext() if console.is_terminal else _lines(line),
-        ):
+        with PROGRESS.heard(compiling), nullcontext() if console.is_terminal else _lines(line):
             yield show
 
 

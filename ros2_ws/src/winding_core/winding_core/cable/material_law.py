@@ -177,12 +177,7 @@ class _MooneyRivlin(_Hyperelastic):
         c10 = half / (1.0 + bar.mooney_ratio)
         return c10, half - c10
 
-    def slopes(
-        self,
-        bar: MaterialLaw,
-        axial: Array,
-        side: Array,
-    ) -> tuple[Values, Values]:
+    def slopes(self, bar: MaterialLaw, axial: Array, side: Array) -> tuple[Values, Values]:
         c10, c01 = self.coefficients(bar)
         return c10, c01
 

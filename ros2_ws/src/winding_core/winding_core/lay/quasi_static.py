@@ -35,11 +35,7 @@ class QuasiStaticLay:
     def __init__(self, case: Case, law: str) -> None:
         self.case = case
         self._stretch, self._stress, self._lateral = _tabulated(
-            MaterialLaw(
-                law=law,
-                young=case.material.young,
-                poisson=case.material.poisson,
-            )
+            MaterialLaw(law=law, young=case.material.young, poisson=case.material.poisson)
         )
         if law == "linear":
             self._lateral = np.ones_like(self._lateral)

@@ -59,10 +59,7 @@ _SPEED = (
     Series("speed", "measured", "is-measured"),
     Series("speed_set", "setpoint", "is-set dashed"),
 )
-_FEED = (
-    Series("feed", "measured", "is-measured"),
-    Series("feed_set", "setpoint", "is-set dashed"),
-)
+_FEED = (Series("feed", "measured", "is-measured"), Series("feed_set", "setpoint", "is-set dashed"))
 _TENSION = (Series("tension", "measured", "is-measured"),)
 _LENGTH = (
     Series("measured", "measured", "is-measured"),

@@ -41,8 +41,7 @@ def beliefs(control: ControlState) -> dict[str, str]:
     newest = control.newest
     if newest is None:
         return dict.fromkeys(
-            ("Lands at", "Wanted there", "Free length", "Share of the pull", "Guide", "Pull"),
-            DASH,
+            ("Lands at", "Wanted there", "Free length", "Share of the pull", "Guide", "Pull"), DASH
         )
     would = "" if control.mode is ControlMode.DRIVE else "would be "
     return {

@@ -198,10 +198,7 @@ class OperatorSession:
         if command in commands.STOPS:
             return ""
         reason = self.graph.unavailable(command) or commands.untimely(
-            command,
-            state.phase if state.heard(now) else "",
-            state.run_phase,
-            moving=state.moving,
+            command, state.phase if state.heard(now) else "", state.run_phase, moving=state.moving
         )
         return reason or (self._unready(now) if command == commands.START else "")
 

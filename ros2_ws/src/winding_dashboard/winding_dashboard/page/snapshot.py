@@ -188,8 +188,7 @@ class Snapshots:
             if state.control.layer_turns:
                 parts["chart-layers"] = layers_drawing(state)
             parts["turns"] = self.render(
-                "turns",
-                {"turns": turns, "tolerance": tolerance, "facts": beliefs(state.control)},
+                "turns", {"turns": turns, "tolerance": tolerance, "facts": beliefs(state.control)}
             )
         elif len(state.lay):
             parts["chart-helix"] = lay_drawing(state.lay, state.advance)

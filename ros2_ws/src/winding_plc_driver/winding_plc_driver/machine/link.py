@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from winding_plc_driver.machine.mapping import (
-    EMERGENCY_STOP,
-    QUICK_STOP,
-    STOP,
-    Heartbeat,
-    Server,
-)
+from winding_plc_driver.machine.mapping import EMERGENCY_STOP, QUICK_STOP, STOP, Heartbeat, Server
 
 # Fits the smallest counter that a PLC has for it.
 _COUNTER = 2**15

@@ -27,12 +27,7 @@ ANGULAR_SPEED, FEED_SPEED = "angular_speed", "feed_speed"
 START, STOP, QUICK_STOP = "start", "stop", "quick_stop"
 RESET, EMERGENCY_STOP = "reset", "emergency_stop"
 # SI units of the variables that make a joint state; every other variable is a `Quantity`.
-AXES: Mapping[str, str] = {
-    ANGLE: "rad",
-    CARRIAGE: "m",
-    ANGULAR_SPEED: "rad/s",
-    FEED_SPEED: "m/s",
-}
+AXES: Mapping[str, str] = {ANGLE: "rad", CARRIAGE: "m", ANGULAR_SPEED: "rad/s", FEED_SPEED: "m/s"}
 _NEEDED = (ANGLE, CARRIAGE, CABLE_TENSION.name)
 _FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 COMMANDS = (START, STOP, QUICK_STOP, RESET, EMERGENCY_STOP)

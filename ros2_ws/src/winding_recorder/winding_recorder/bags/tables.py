@@ -156,10 +156,7 @@ def _entries(message: Any) -> Iterable[Row]:
     for status in message.status:
         own = {"name": status.name, "level": int(status.level), "message": status.message}
         for item in status.values or [None]:
-            yield own | {
-                "key": item.key if item else "",
-                "value": item.value if item else "",
-            }
+            yield own | {"key": item.key if item else "", "value": item.value if item else ""}
 
 
 def _columns(name: str, value: Any) -> Row:

@@ -37,10 +37,7 @@ PER_TURN = 24
 
 
 def drum_outcome(
-    wound: WoundDrum,
-    control: LayControlRecords,
-    places: LayRecords,
-    faults: Sequence[Any],
+    wound: WoundDrum, control: LayControlRecords, places: LayRecords, faults: Sequence[Any]
 ) -> dict[str, Any]:
     """Return the unrolled surface of each layer as plain values, null where nothing is known.
 
@@ -168,11 +165,7 @@ class LaidRun:
 
 
 def lay_outcome(
-    run: LaidRun,
-    what: ResolvedCondition,
-    *,
-    tolerance: float,
-    markers: Mapping[int, float],
+    run: LaidRun, what: ResolvedCondition, *, tolerance: float, markers: Mapping[int, float]
 ) -> LayOutcome:
     """Return what became of a run's lay.
 

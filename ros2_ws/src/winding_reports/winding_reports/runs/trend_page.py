@@ -41,10 +41,7 @@ _NOTES = (
 
 
 def render_trend(
-    folder: str,
-    rows: Sequence[RunRow],
-    counts: Mapping[str, int],
-    found: Sequence[Trend],
+    folder: str, rows: Sequence[RunRow], counts: Mapping[str, int], found: Sequence[Trend]
 ) -> str:
     """Return the page as one HTML text that loads nothing from anywhere.
 

@@ -185,12 +185,7 @@ class Renderer:
 def _lighting(config: CameraConfig) -> Lighting:
     light = config.light
     x, y, z = (np.array(light.direction) / np.linalg.norm(light.direction)).tolist()
-    return Lighting(
-        x=x,
-        y=y,
-        z=z,
-        ambient=float(light.ambient),
-    )
+    return Lighting(x=x, y=y, z=z, ambient=float(light.ambient))
 
 
 def _gloss(config: CameraConfig) -> FloatArray:

@@ -110,12 +110,7 @@ class Scene:
         way = rho * (theta - self.cylinder_angle)
         landing = self.landing_z
         wound = np.stack(
-            [
-                raised * np.cos(azimuth),
-                raised * np.sin(azimuth),
-                self.path.height(theta),
-            ],
-            axis=-1,
+            [raised * np.cos(azimuth), raised * np.sin(azimuth), self.path.height(theta)], axis=-1
         )
         free = np.stack(
             [

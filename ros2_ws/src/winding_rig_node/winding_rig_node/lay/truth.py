@@ -35,10 +35,7 @@ def truth_record(truth: LayTruth) -> dict[str, Any]:
             "layer": truth.layer.tolist(),
             "turn": (truth.theta[: truth.layer.size] // FULL_TURN + 1).astype(int).tolist(),
         },
-        "markers": {
-            "theta": _numbers(truth.marker_theta),
-            "z": _numbers(truth.marker_z),
-        },
+        "markers": {"theta": _numbers(truth.marker_theta), "z": _numbers(truth.marker_z)},
     }
 
 

@@ -152,14 +152,8 @@ class Plausibility:
                 "counts faster than the axis can run",
                 abs(seen.measured) > max(self.config.overspeed * full, full + uneven),
             ),
-            (
-                "does not follow the setpoint",
-                abs(seen.measured - seen.commanded) > apart,
-            ),
-            (
-                "does not agree with the motor's voltage",
-                abs(seen.measured - seen.modelled) > apart,
-            ),
+            ("does not follow the setpoint", abs(seen.measured - seen.commanded) > apart),
+            ("does not agree with the motor's voltage", abs(seen.measured - seen.modelled) > apart),
         )
         for text, violated in checks:
             self._note(f"{name} {text}", t, violated=violated)

@@ -25,10 +25,7 @@ class Setpoints:
         self._config = config
         self._state = state
         self._commander = commander
-        self._programme = {
-            CYLINDER: config.drive.angular_speed,
-            CARRIAGE: config.drive.feed_speed,
-        }
+        self._programme = {CYLINDER: config.drive.angular_speed, CARRIAGE: config.drive.feed_speed}
 
     def now(self, name: str) -> tuple[float, float]:
         """Return position [rad or m] and speed [rad/s or m/s] that an axis is asked for."""

@@ -108,8 +108,7 @@ class Outputs:
             topics.PREVIEW, t, lambda: np.frombuffer(jpeg, dtype=np.uint8)
         ):
             self._publish(
-                topics.PREVIEW,
-                encode_preview(stamp, jpeg if values is None else values.tobytes()),
+                topics.PREVIEW, encode_preview(stamp, jpeg if values is None else values.tobytes())
             )
 
     def _measured(self, topic: Topic, quantity: Quantity, t: float, value: float) -> None:
@@ -194,10 +193,7 @@ def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Sta
         message=": ".join(
             filter(
                 None,
-                (
-                    state.phase.value,
-                    state.reason or machine.remark or commander.refusal or unseen,
-                ),
+                (state.phase.value, state.reason or machine.remark or commander.refusal or unseen),
             )
         ),
         values=values,

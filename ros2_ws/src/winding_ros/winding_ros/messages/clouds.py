@@ -41,12 +41,7 @@ def encode_cloud(t: float, records: NDArray[np.void]) -> bytes:
     before = layout.before.stamped(t)
     COUNT.pack_into(before, layout.width_at, count)
     return b"".join(
-        (
-            before,
-            _SIZES.pack(records.dtype.itemsize * count, len(data)),
-            data,
-            bytes([dense]),
-        )
+        (before, _SIZES.pack(records.dtype.itemsize * count, len(data)), data, bytes([dense]))
     )
 
 

@@ -29,10 +29,7 @@ _NUMBERS = {"double": _DOUBLE, "float": struct.Struct("<f")}
 
 
 def encode_joint_state(
-    t: float,
-    reading: AxisReading,
-    names: tuple[str, ...] = (),
-    positions: tuple[float, ...] = (),
+    t: float, reading: AxisReading, names: tuple[str, ...] = (), positions: tuple[float, ...] = ()
 ) -> bytes:
     """Return both axes as the CDR bytes of a JointState, and the guide's place.
 

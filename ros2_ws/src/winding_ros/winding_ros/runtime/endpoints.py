@@ -16,13 +16,7 @@ from rclpy.subscription import Subscription
 
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
-from winding_ros.message_guard import (
-    Endpoint,
-    MessageGuard,
-    Rivals,
-    StampError,
-    topic_status,
-)
+from winding_ros.message_guard import Endpoint, MessageGuard, Rivals, StampError, topic_status
 from winding_ros.messages.cdr import serialised
 from winding_ros.messages.serialised import MessageError
 from winding_ros.messages.stamps import decode_stamp, serialised_stamp

@@ -97,11 +97,7 @@ def hear_heartbeat(node: Node, name: str, heard: Callable[[], None]) -> Subscrip
     )
 
 
-def watch_heartbeat(
-    node: Node,
-    name: str,
-    notify: Callable[[Sign], None],
-) -> Subscription:
+def watch_heartbeat(node: Node, name: str, notify: Callable[[Sign], None]) -> Subscription:
     """Return a subscription that reports a node's signs of life and their end.
 
     Args:

@@ -201,9 +201,7 @@ def _table(
     names = list(content[0]) if content else []
     columns = [
         Column(
-            name=name,
-            digits=(digits or {}).get(name, 2),
-            mean=name.startswith("|") or number >= 7,
+            name=name, digits=(digits or {}).get(name, 2), mean=name.startswith("|") or number >= 7
         )
         for name in names
     ]

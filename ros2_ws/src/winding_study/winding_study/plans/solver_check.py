@@ -68,10 +68,7 @@ def wind_plan(plan: LayPlan, config: WindingConfig) -> SolverLay:
     replay(inputs, model)
     _, theta, z = model.wound_path()
     return SolverLay(
-        theta=theta,
-        z=z,
-        residual=z - plan.program.z_at(theta),
-        markers=_landed(model.markers()),
+        theta=theta, z=z, residual=z - plan.program.z_at(theta), markers=_landed(model.markers())
     )
 
 

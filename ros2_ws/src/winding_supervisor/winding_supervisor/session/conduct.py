@@ -109,10 +109,7 @@ class NextRun(Conduct):
     operated = True
 
     def __init__(
-        self,
-        who: Participants,
-        machine: ExternalMachine,
-        parameters: Callable[[], Parameters],
+        self, who: Participants, machine: ExternalMachine, parameters: Callable[[], Parameters]
     ) -> None:
         super().__init__(who)
         self._external, self._parameters = machine, parameters

@@ -259,11 +259,7 @@ def wind(run: ClosedRun) -> ClosedResult:
     duration = 2.0 * drive.time_at_angle(run.end)
     machine = Machine(
         MachineConfig(
-            case=case,
-            drive=drive,
-            duration=duration,
-            cylinder=cylinder_axis(case),
-            commands=limits,
+            case=case, drive=drive, duration=duration, cylinder=cylinder_axis(case), commands=limits
         ),
         rng,
     )

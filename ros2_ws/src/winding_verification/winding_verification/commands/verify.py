@@ -30,7 +30,7 @@ def verify(
     external: Annotated[
         Path | None,
         typer.Option(
-            help="Other people's experiments instead: cosseratbench, DEFORM, a capstan's table.",
+            help="Other people's experiments instead: cosseratbench, DEFORM, a capstan's table."
         ),
     ] = None,
     json_file: Json = None,

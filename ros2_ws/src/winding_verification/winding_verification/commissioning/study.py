@@ -22,13 +22,7 @@ from cable_fem_node.identification import (
     TrackedRun,
     identify_rig,
 )
-from cable_fem_node.identification.rig import (
-    Numbers,
-    numbers_of,
-    opened,
-    unknowns_of,
-    with_ratios,
-)
+from cable_fem_node.identification.rig import Numbers, numbers_of, opened, unknowns_of, with_ratios
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_rod import rod_places, rod_run
 from cable_fem_node.winding.rig_prior import CELL

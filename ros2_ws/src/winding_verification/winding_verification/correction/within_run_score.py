@@ -88,10 +88,7 @@ def fit_build_up(runs: RunTable) -> float:
         return float(np.nansum((runs.measured / expected - 1.0) ** 2))
 
     found = minimize_scalar(
-        loss,
-        bounds=(_SHORTEST, _LONGEST),
-        method="bounded",
-        options={"xatol": _RESOLUTION},
+        loss, bounds=(_SHORTEST, _LONGEST), method="bounded", options={"xatol": _RESOLUTION}
     )
     return float(found.x)
 

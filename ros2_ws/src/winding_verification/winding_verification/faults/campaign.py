@@ -44,11 +44,7 @@ def _row(
 ) -> Row:  # fmt: skip
     put_in = [Fault(at=float(at), what=what) for at, _, what in (f.partition(" ") for f in faults)]
     plan = Plan(
-        name=name,
-        faults=tuple(put_in),
-        foreign=foreign,
-        options=tuple(options),
-        duration=duration,
+        name=name, faults=tuple(put_in), foreign=foreign, options=tuple(options), duration=duration
     )
     return Row(plan=plan, reported=tuple(reported), **expected)  # type: ignore[arg-type]
 

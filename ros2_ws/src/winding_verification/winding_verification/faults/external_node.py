@@ -86,9 +86,7 @@ def _call(node: Node, name: str) -> None:
 def _mismatch(node: Node) -> None:
     """Subscribe with a quality of service that is not offered; report what the machine reports."""
     wanted = QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
     )
     node.create_subscription(
         topics.JOINT_STATES.type, topics.JOINT_STATES.name, lambda _message: None, wanted
