@@ -324,8 +324,7 @@ def test_reading_is_the_mean_with_the_deviation_of_one_frame() -> None:
 
 
 @pytest.mark.parametrize(
-    "flag",
-    [MarkerFlag.OCCLUDED, MarkerFlag.CLIPPED, MarkerFlag.NOT_WOUND, MarkerFlag.PREDICTED],
+    "flag", [MarkerFlag.OCCLUDED, MarkerFlag.CLIPPED, MarkerFlag.NOT_WOUND, MarkerFlag.PREDICTED]
 )
 def test_frames_that_did_not_measure_do_not_count(flag: MarkerFlag) -> None:
     assert seen(*[frame(flags=int(flag))] * 50).steady() == ()

@@ -18,11 +18,7 @@ from chromium import chromium
 
 from processes import COMMAND, free_port, until
 
-pytestmark = [
-    pytest.mark.soak,
-    pytest.mark.processes,
-    pytest.mark.slow,
-]
+pytestmark = [pytest.mark.soak, pytest.mark.processes, pytest.mark.slow]
 
 NAMESPACE = "soak"
 MINUTES = float(os.environ.get("SOAK_MINUTES", "30"))

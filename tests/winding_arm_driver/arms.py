@@ -84,10 +84,7 @@ def mapping_text(folder: Path, joint_speed: float = 3.14, **commands: object) ->
                 "tip": "tool0",
                 "eye_m": EYE,
             },
-            "winder_axis": {
-                "position_m": origin.tolist(),
-                "rotation_rpy_rad": TURN,
-            },
+            "winder_axis": {"position_m": origin.tolist(), "rotation_rpy_rad": TURN},
             "commands": {"topic": "arm/command", **commands},
         }
     )

@@ -26,12 +26,7 @@ from winding_core.markers import MarkerLook, wound_markers
 from winding_core.parameters import build
 
 NOT_FINITE = (math.nan, math.inf)
-CASE = {
-    "cylinder_diameter": 0.045,
-    "cable_diameter": 0.003,
-    "weight": 2.5,
-    "marker_spacing": 0.15,
-}
+CASE = {"cylinder_diameter": 0.045, "cable_diameter": 0.003, "weight": 2.5, "marker_spacing": 0.15}
 SPAN = {"advance_per_radian": 0.003, "free_length": 0.198, "radius": 0.017}
 
 

@@ -239,18 +239,10 @@ def length_at(lay: DrivenLay, theta: np.ndarray) -> np.ndarray:
 
 def test_what_has_landed_has_the_length_of_its_spacings() -> None:
     lay = DrivenLay(CASE, HiddenRig.drawn(np.random.default_rng(5)))
-    wind(
-        lay,
-        28.0,
-        lambda angle: 4.0e-3 * angle + 6.0e-3 * math.sin(angle),
-        pull=1.3 * CASE.weight,
-    )
+    wind(lay, 28.0, lambda angle: 4.0e-3 * angle + 6.0e-3 * math.sin(angle), pull=1.3 * CASE.weight)
     # Between kept points the length is a straight line: its rate changes by 2 % per step at most.
     np.testing.assert_allclose(
-        length_at(lay, lay.marker_theta),
-        CASE.marker_spacing * np.arange(5),
-        rtol=0,
-        atol=1.0e-6,
+        length_at(lay, lay.marker_theta), CASE.marker_spacing * np.arange(5), rtol=0, atol=1.0e-6
     )
 
 

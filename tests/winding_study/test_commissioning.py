@@ -20,12 +20,7 @@ from winding_core.catalogue.cables import read_cable
 from winding_core.parameters import ParameterError
 from winding_core.run_spec import RunSpec
 from winding_study.commissioning.design import SIGMA_THETA, SIGMA_Z, ranked
-from winding_study.commissioning.motion import (
-    MachineReach,
-    Motion,
-    candidates,
-    clearing_advance,
-)
+from winding_study.commissioning.motion import MachineReach, Motion, candidates, clearing_advance
 from winding_study.commissioning.result import cable_of, cell_text_of, remarks
 
 # A cell takes a dozen rods, on a busy computer minutes.

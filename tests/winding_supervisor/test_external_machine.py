@@ -7,10 +7,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = [
-    pytest.mark.processes,
-    pytest.mark.timeout(600),
-]
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(600)]
 
 # P1 of case 4 has landed by then, and P2 has not.
 DURATION = "5"
