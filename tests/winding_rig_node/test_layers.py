@@ -17,8 +17,7 @@ from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
 from winding_rig_node.camera.shown_lay import GrowingLay
-from winding_rig_node.lay.driven_lay import DrivenLay
-from winding_rig_node.lay.laid_turns import LaidTurns
+from winding_rig_node.lay.driven_lay import DrivenLay, LaidTurns
 from winding_rig_node.lay.lay_on import GRID_STEP, HiddenRig
 from winding_rig_node.lay.truth import truth_record
 
