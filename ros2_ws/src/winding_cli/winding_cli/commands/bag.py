@@ -58,14 +58,14 @@ def info(source: Source) -> None:
         f"{source}: {content.duration:.3f} s from {_moment(content.start)}, {size:.2f} MB"
     )
     for name, length in content.files.items():
-        console.print(f"  {name}  {length / MEGABYTE:.2f} MB", highlight=False)
+        console.print(f"  {name}  {length / MEGABYTE:.2f} MB")
     if COMPLETE in content.notes:
-        console.print(f"complete: {content.notes[COMPLETE]}", highlight=False)
+        console.print(f"complete: {content.notes[COMPLETE]}")
     if RECOVERED in content.notes:
-        console.print(f"recovered from: {content.notes[RECOVERED]}", highlight=False)
+        console.print(f"recovered from: {content.notes[RECOVERED]}")
     wound = _wound(content.notes)
     if wound:
-        console.print(f"wound: {wound}", highlight=False)
+        console.print(f"wound: {wound}")
     columns = (
         Shown("topic", lambda topic: topic.name),
         Shown("type", lambda topic: topic.type_name),

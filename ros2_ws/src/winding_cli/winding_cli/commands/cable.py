@@ -86,7 +86,7 @@ def show(name: Name, library: Library = None, json_file: Json = None, force: For
         Shown("source", lambda key: found.sources.get(key, "-")),
     )
     console = result_console()
-    console.print(found.title, highlight=False)
+    console.print(found.title)
     console.print(record_table(columns, found.properties, words=1))
     winding = ", ".join(f"{key} {value}" for key, value in found.winding.items())
     for subject, text in (
@@ -96,7 +96,7 @@ def show(name: Name, library: Library = None, json_file: Json = None, force: For
         ("file", str(found.path or "")),
     ):
         if text:
-            console.print(f"{subject}: {text}", highlight=False, soft_wrap=True)
+            console.print(f"{subject}: {text}", soft_wrap=True)
     write_json(json_file, {"cables": [_record(found)]})
 
 

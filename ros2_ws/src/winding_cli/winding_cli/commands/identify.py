@@ -202,7 +202,7 @@ def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
     fits = fit_laws(read_tensile_test(path), poisson)
     console = result_console()
     console.print(record_table(_LAWS, fits, title=f"Laws of {path.name}, best first"))
-    console.print(judgement(fits), highlight=False)
+    console.print(judgement(fits))
     laws = [
         {name: known(value) for name, value in dataclasses.asdict(item).items()} for item in fits
     ]

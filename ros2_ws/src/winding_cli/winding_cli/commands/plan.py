@@ -300,7 +300,7 @@ def print_plan(
     )
     lines += [f"out of reach: {sentence}" for sentence in plan.sentences]
     lines += list(_uncertain(controlled))
-    console.print("\n".join(lines), highlight=False, soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
 def verdict(plan: LayPlan, solver: SolverLay | None, tolerance_mm: float | None) -> str:

@@ -162,17 +162,17 @@ def _print_checks(run: PlannedRun) -> None:
     console.print(record_table(_CHECKS, run.checks(), words=1, title=title))
     with busy("estimating the time"):
         cost = expected_cost(run, time.process_time)
-    console.print(cost_sentences(run, cost), highlight=False)
+    console.print(cost_sentences(run, cost))
 
 
 def _announce(run: PlannedRun) -> None:
     """Print on stderr what is worth doubting, and how long it takes where it takes long."""
     from cable_fem_node.winding.expected_cost import expected_cost
 
-    console = Console(stderr=True)
+    console = Console(stderr=True, highlight=False)
     for check in run.checks():
         if check.warned:
-            console.print(f"doubtful: {check.sentence}", highlight=False, soft_wrap=True)
+            console.print(f"doubtful: {check.sentence}", soft_wrap=True)
     if run.element == "rod" and run.duration / run.config.resolved.step < _FEW_STEPS:
         return
     with busy("estimating the time"):
@@ -186,9 +186,7 @@ def _announce(run: PlannedRun) -> None:
             f"about {cost.scaled_cpu_seconds:.2g} s"
         )
     console.print(
-        f"this takes about {cost.cpu_seconds:.2g} s of processor time{faster}",
-        highlight=False,
-        soft_wrap=True,
+        f"this takes about {cost.cpu_seconds:.2g} s of processor time{faster}", soft_wrap=True
     )
 
 
@@ -211,8 +209,7 @@ def _print(result: Prediction, record: dict[str, Any]) -> None:
         f"span {tension[-1]:.3f} N\nenergy [J]: {energies}; "
         f"balance open by {record['energy_balance_pct']:.3g} %, "
         f"kinetic over internal {record['kinetic_over_internal']:.2g}\n"
-        f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second",
-        highlight=False,
+        f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second"
     )
     if "discretisation_error" in record:
         error = record["discretisation_error"]

@@ -91,7 +91,7 @@ def list_runs(
     found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     shown = f"; the newest {newest} are shown" if total > newest else ""
     noun = "run" if total == 1 else "runs"
-    console.print(f"{total} {noun}: {found or 'none'}{shown}", highlight=False)
+    console.print(f"{total} {noun}: {found or 'none'}{shown}")
     _write(files, lambda: {"counts": counts, "runs": [row._asdict() for row in rows]}, rows)
 
 
@@ -152,7 +152,7 @@ def trend(
     console = result_console()
     sentences = announcements(found)
     for sentence in sentences[:_SENTENCES]:
-        console.print(f"{sentence}.", highlight=False, soft_wrap=True)
+        console.print(f"{sentence}.", soft_wrap=True)
     if len(sentences) > _SENTENCES:
         console.print(f"and {len(sentences) - _SENTENCES} before; --json has all of them")
     drifting = sum(bool(item.chart.drifts) for item in found)

@@ -210,10 +210,9 @@ def _show(record: StudyRecord) -> None:
         console.print(
             f"{sum(result.cpu_seconds for result in results):.1f} CPU seconds; energy balance open "
             f"by at most {max(result.energy_balance_pct for result in results):.2g} %; one guide "
-            "distance and the dead weight for all cases, nothing fitted.",
-            highlight=False,
+            "distance and the dead weight for all cases, nothing fitted."
         )
-    console.print(record.verdict(), highlight=False)
+    console.print(record.verdict())
 
 
 def _calibrate(law: str | None, json: Path | None) -> None:

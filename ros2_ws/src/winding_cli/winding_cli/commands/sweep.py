@@ -281,8 +281,7 @@ def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
     failed = int((columns["status"] != "ok").sum())
     console.print(
         f"{rows - failed} runs ok, {failed} failed; "
-        f"{np.nansum(columns['cpu_s']):.1f} CPU seconds of winding",
-        highlight=False,
+        f"{np.nansum(columns['cpu_s']):.1f} CPU seconds of winding"
     )
 
 

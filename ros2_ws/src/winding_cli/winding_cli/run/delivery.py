@@ -212,7 +212,7 @@ def show(record: RunRecord) -> None:
     console = result_console()
     console.print(results_table(record))
     for sentence in record.outcome.sentences:
-        console.print(sentence, highlight=False, soft_wrap=True)
+        console.print(sentence, soft_wrap=True)
     if record.trace is not None:
         console.print(*trace_tables(record.trace))
 

@@ -75,8 +75,8 @@ def result_console() -> Console:
     """Return a console on stdout that cuts no table in a pipe or a file, which have no width."""
     from rich.console import Console
 
-    console = Console()
-    return console if console.is_terminal else Console(width=PIPE_WIDTH)
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(width=PIPE_WIDTH, highlight=False)
 
 
 @contextmanager

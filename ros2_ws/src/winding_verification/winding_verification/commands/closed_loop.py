@@ -41,9 +41,7 @@ def closed_loop(
             processes=processes,
             progress=lambda done, runs: show(completed=done, total=runs),
         )
-    result_console().print(
-        verdict(rows, LayTolerance.lay_tolerance), highlight=False, soft_wrap=True
-    )
+    result_console().print(verdict(rows, LayTolerance.lay_tolerance), soft_wrap=True)
     result_console().print(
         _table(
             f"|z - even helix| in mm over {len(cases)} cases and {draws} hidden rigs of each: "

@@ -95,7 +95,7 @@ def _compare_external(folder: Path, names: Sequence[str]) -> tuple[bool, list[di
     kept = sum(row.passed for row in judged)
     console.print(f"{kept} of {len(judged)} quantities within their bar")
     if others:
-        console.print(f"not compared: {', '.join(others)}", highlight=False)
+        console.print(f"not compared: {', '.join(others)}")
     return kept == len(judged), [row.record() for row in rows]
 
 
