@@ -24,8 +24,7 @@ EA = CASE.material.young * CASE.section_area
 # One term: the share that fades, and its time at a held stretch [s].
 G, TAU = 0.3, 5.0
 SOLID = f"{G}:{TAU}"
-# The bar of the specification for relaxation and creep.
-BAR = 0.01
+BAR = 0.01  # The bar of the specification for relaxation and creep
 
 
 def config(prony: str = SOLID, **more: Any) -> WindingConfig:

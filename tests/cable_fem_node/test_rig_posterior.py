@@ -38,8 +38,7 @@ STEADY = {
     "build_up_length": 0.2,
 }
 BUILDING = STEADY | {"start_share": 0.4}
-# The stated tension reaches the cylinder whole.
-WHOLE = {"load_share": 1.0, "guide_drag": 0.0}
+WHOLE = {"load_share": 1.0, "guide_drag": 0.0}  # The stated tension reaches the cylinder whole
 
 
 def laid(run: TrackedRun, rig: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:

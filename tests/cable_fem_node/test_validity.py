@@ -25,8 +25,7 @@ from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import RigTension
 
 CONDITIONS = 200
-# The promise: elements of half the length change the wound stretch by less [%].
-STRETCH_PCT = 0.2
+STRETCH_PCT = 0.2  # The promise: elements of half the length change the wound stretch by less [%]
 
 
 def config(

@@ -31,10 +31,8 @@ RHO = CASE.centreline_radius
 STEP = 2.0e-3
 PLAIN = HiddenRig(free_length=0.19, load_share=0.7, drag=0.1)
 ADVANCE = 3.0e-3
-# The cylinder's angle after the 20 s of the paper's drive [rad].
-END = 33.93
-# Where a carriage stands [m] at an angle of the cylinder [rad].
-Carriage = Callable[[float], float]
+END = 33.93  # The cylinder's angle after the 20 s of the paper's drive [rad]
+Carriage = Callable[[float], float]  # Where a carriage stands [m] at an angle of the cylinder [rad]
 # z between two kept points of the path: a straight line across a step of 0.02 rad of a curve
 # that bends by less than 1 mm/rad^2.
 CHORD = 1.0e-7

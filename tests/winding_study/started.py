@@ -8,8 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 
-# Ten times what a loaded machine needs for imports and a first case.
-PATIENCE = 120.0
+PATIENCE = 120.0  # Ten times what a loaded machine needs for imports and a first case
 
 
 def start(command: str, *arguments: object, **how: object) -> subprocess.Popen[str]:

@@ -23,8 +23,7 @@ from winding_study.commissioning.design import SIGMA_THETA, SIGMA_Z, ranked
 from winding_study.commissioning.motion import MachineReach, Motion, candidates, clearing_advance
 from winding_study.commissioning.result import cable_of, cell_text_of, remarks
 
-# A cell takes a dozen rods, on a busy computer minutes.
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(900)  # A cell takes a dozen rods, on a busy computer minutes
 
 WHAT = Condition(case=4, law="neo_hookean", markers=24).resolved()
 CONFIG: WindingConfig = SolverParameters().config_of(WHAT)

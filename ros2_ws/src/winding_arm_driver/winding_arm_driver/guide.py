@@ -16,8 +16,7 @@ from winding_core.machine.commands import CARRIAGE, JointTargets
 from winding_core.machine.joining import Joiner
 from winding_core.machine.readings import AxisReading, GuidePlace
 
-# A chain that is longer leads in a circle.
-_MOST_FRAMES = 1000
+_MOST_FRAMES = 1000  # A chain that is longer leads in a circle
 
 
 class FrameTree:
@@ -66,10 +65,8 @@ class FrameTree:
 _ANGLE, _PLACE = "angle", ("x", "y", "z")
 # How long a value of the cylinder waits for one of the guide, and the other way round [s].
 WAIT = 0.1
-# A cylinder that turns by less in so long stands [rad], [s].
-_MOTION, _STANDS = 2.0e-3, 0.3
-# Without a report for so long the guide is silent [s].
-_SILENT = 1.0
+_MOTION, _STANDS = 2.0e-3, 0.3  # A cylinder that turns by less in so long stands [rad], [s]
+_SILENT = 1.0  # Without a report for so long the guide is silent [s]
 
 
 class Guided:

@@ -68,8 +68,7 @@ class MarkerError:
     id: int  # n of Pn.
     predicted: float | None  # Of the prediction.
     corrected: float | None  # Of the corrected length.
-    # Of the length corrected by a factor that was learned without this case.
-    held_out: float | None
+    held_out: float | None  # Of the length corrected by a factor that was learned without this case
 
     @property
     def name(self) -> str:

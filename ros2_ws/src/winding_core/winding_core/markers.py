@@ -166,8 +166,7 @@ class MarkerLook:
         return hues
 
 
-# Smallest difference of paints that are distinguished by their hue alone [deg].
-LEAST_APART = 20.0
+LEAST_APART = 20.0  # Smallest difference of paints that are distinguished by their hue alone [deg]
 
 
 def _hue(word: str) -> float:

@@ -223,8 +223,7 @@ class LayWish:
     brake: bool = parameter(False, "whether the machine has a brake that takes commands", PLAIN)
 
 
-# Component of the page's status that carries the limits.
-COMPONENT = "limits"
+COMPONENT = "limits"  # Component of the page's status that carries the limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -282,8 +281,7 @@ class RunPage:
     dashboard_port: int = parameter(8080, "TCP port of that page", PLAIN, 1, 65535)
 
 
-# A label fits a column of a table [characters].
-_LONGEST_LABEL = 200
+_LONGEST_LABEL = 200  # A label fits a column of a table [characters]
 
 
 @dataclass(frozen=True, kw_only=True)

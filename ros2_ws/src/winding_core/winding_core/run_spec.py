@@ -327,8 +327,7 @@ class RunSpec:
         return f"{', '.join(words)} and {last} {many}" if words else f"{last} {one}"
 
 
-# So much earlier ends what fills a drum [ms].
-_BEFORE_FULL_MS = 3
+_BEFORE_FULL_MS = 3  # So much earlier ends what fills a drum [ms]
 
 
 def _of_filling(given: Mapping[str, object], source: Source) -> dict[str, object]:

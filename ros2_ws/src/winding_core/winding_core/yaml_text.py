@@ -6,8 +6,7 @@ from typing import Any
 
 import yaml
 
-# Parameters, sweeps and cameras take a few kilobytes.
-MOST_CHARACTERS = 1_000_000
+MOST_CHARACTERS = 1_000_000  # Parameters, sweeps and cameras take a few kilobytes
 
 
 class YamlTextError(ValueError):

@@ -16,8 +16,7 @@ LEAST_STEPS = 8
 # A gap longer than so many periods lost messages; one longer than this is an interruption [s].
 LOST = 1.5
 INTERRUPTION = 1.0
-# A message that follows its predecessor so much later than by their stamps is late [s].
-LATE = 0.05
+LATE = 0.05  # A message that follows its predecessor so much later than by their stamps is late [s]
 # Share of lost messages that raises a warning, once so many have come.
 WARNING_SHARE = 0.01
 WARNING_AFTER = 200

@@ -30,10 +30,8 @@ from winding_ros.topic import Topic
 
 # Reliable delivery keeps what a stalled reader has not taken yet: depth is rate x worst stall.
 WORST_STALL_S = 2.0
-# Encoders of real machines are read at up to this rate [Hz].
-FASTEST_DRIVER = 2000.0
-# A camera in the tracker's process may take so many frames a second [Hz].
-FASTEST_CAMERA = 1000.0
+FASTEST_DRIVER = 2000.0  # Encoders of real machines are read at up to this rate [Hz]
+FASTEST_CAMERA = 1000.0  # A camera in the tracker's process may take so many frames a second [Hz]
 
 
 def _topic(
@@ -89,8 +87,7 @@ RECORDER, DASHBOARD, ORCHESTRATOR = "recorder", "dashboard", "orchestrator"
 # Takes goals of a cell controller, each of which is a run.
 RUN_SERVER = "run_server"
 EVERY_NODE = "every node"
-# Whoever commands the axes from outside the graph; a run does without.
-COMMANDER = "commander"
+COMMANDER = "commander"  # Whoever commands the axes from outside the graph; a run does without
 
 CLOCK = _topic("/clock", Clock, 100.0, RIG, "simulated time", decode_clock)
 JOINT_STATES = _topic(

@@ -34,8 +34,7 @@ UNFINISHED = ".unfinished"
 KEY = "run_key"
 Arrays = dict[str, NDArray[Any]]
 PACKAGES = (cable_fem_node, winding_core)
-# The adapter to ROS decides none of a run's numbers.
-_OUTSIDE = {"ros", "node.py", "__main__.py"}
+_OUTSIDE = {"ros", "node.py", "__main__.py"}  # The adapter to ROS decides none of a run's numbers
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:

@@ -24,8 +24,7 @@ from cable_fem_node.dynamics.state import (
     Surface,
 )
 
-# Share of its depth by which a landing node comes back in a step at most.
-_RETURN = 0.25
+_RETURN = 0.25  # Share of its depth by which a landing node comes back in a step at most
 
 
 def _touching(wound: bool) -> Callable[..., None]:

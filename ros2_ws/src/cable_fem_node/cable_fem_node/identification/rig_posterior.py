@@ -20,12 +20,9 @@ from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
 
-# As many as a 5 % quantile needs to be known to a twentieth of the interval.
-DRAWS = 600
-# A number whose deviation stays above this share of the prior's is unobservable.
-_OBSERVED = 0.8
-# Scatter beyond which markers are not those of any rig [m].
-_MOST_SCATTER = 0.05
+DRAWS = 600  # As many as a 5 % quantile needs to be known to a twentieth of the interval
+_OBSERVED = 0.8  # A number whose deviation stays above this share of the prior's is unobservable
+_MOST_SCATTER = 0.05  # Scatter beyond which markers are not those of any rig [m]
 # Scatter is found to within this factor.
 _SCATTER_STEP = 1.05
 _PRIOR_DRAWS = 4000

@@ -81,8 +81,7 @@ _PLACES = np.linspace(-1.8, 1.8, 8)
 _NARROW = 0.5
 _STEPS = 40
 _PROBE = 1.0e-3
-# Twice the gain in half a sum of squares below which a step is not worth taking.
-_SETTLED = 2.0e-3
+_SETTLED = 2.0e-3  # Twice the gain in half a sum of squares below which a step is not worth taking
 # The rod is wound at so many optima at most, for its slopes at this one, over steps of a deviation
 # within these limits: its elements are seen in shorter ones. It rests where it moves the optimum
 # by less than this share of a deviation.

@@ -13,10 +13,8 @@ from cable_fem_node.dynamics.state import FloatArray
 
 IntArray = NDArray[np.int64]
 
-# Share of the radius that the core of a section takes.
-CORE = 0.7
-# Roundness of the core: 0 a square, 1 a disc.
-BULGE = 0.5
+CORE = 0.7  # Share of the radius that the core of a section takes
+BULGE = 0.5  # Roundness of the core: 0 a square, 1 a disc
 
 
 @dataclass(frozen=True, kw_only=True)

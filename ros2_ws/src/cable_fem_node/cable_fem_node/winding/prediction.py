@@ -38,8 +38,7 @@ APART, TOUCHING, ON_CABLE = "apart", "touching", "on cable"
 # In the distance of touching centre lines: springs between turns give way by half a per cent, and a
 # node between two others stands higher by less than a tenth.
 _CONTACT, _RAISED = 1.01, 0.1
-# Places in a turn at which it is compared with those before.
-_PLACES = 180
+_PLACES = 180  # Places in a turn at which it is compared with those before
 
 
 def on_cable(radius: FloatArray, apart: float) -> NDArray[np.bool_]:
@@ -83,15 +82,13 @@ Progress = Callable[[float], None]
 Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
-# Marker records per second of a run [1/s].
-FRAME_RATE = 50.0
+FRAME_RATE = 50.0  # Marker records per second of a run [1/s]
 
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
 _TIGHTER_PCT = 2.0
 _SUSPECTS = "try shorter elements, less mass scaling, a steadier tension"
 
-# Energy that the ledger cannot explain, of what went in.
-BALANCE_LIMIT_PCT = 1.0
+BALANCE_LIMIT_PCT = 1.0  # Energy that the ledger cannot explain, of what went in
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,8 +17,7 @@ from cable_fem_node.winding.winding_model import angle_steps
 # them is not kept: a node at rest touches, and its stretch is the length over the reference.
 X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
 _ROWS = 10
-# Where the cable relaxes, elastic force and viscous forces of the element follow.
-_VISCOUS = _ROWS
+_VISCOUS = _ROWS  # Where the cable relaxes, elastic force and viscous forces of the element follow
 # Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
 _GROWTH = 1.2
 _FEWEST = 64

@@ -11,8 +11,7 @@ import numpy as np
 from winding_core.parameters import parameter
 from winding_core.units import FORCE, LENGTH, PLAIN
 
-# Ranges beyond what any rig is.
-_SHARE, _LONGEST, _STRONGEST = 10.0, 1.0e3, 1.0e6
+_SHARE, _LONGEST, _STRONGEST = 10.0, 1.0e3, 1.0e6  # Ranges beyond what any rig is
 
 
 @dataclass(frozen=True, kw_only=True)

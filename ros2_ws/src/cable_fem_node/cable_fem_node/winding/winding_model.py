@@ -21,8 +21,7 @@ NODE_DTYPE = np.dtype(
 # Laid nodes behind the edge whose mean curvature is the cylinder's: the edge's own push has
 # decayed over the two that are left out.
 _LAID = slice(-7, -2)
-# Free nodes that the bending moment is followed over.
-_FREE = 4
+_FREE = 4  # Free nodes that the bending moment is followed over
 
 
 class WindingModel(ABC):

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from correction_node.models.dataset import Array
 
-# Half of the 90 % interval of a normal variable, in standard deviations.
-NORMAL_90 = 1.6449
+NORMAL_90 = 1.6449  # Half of the 90 % interval of a normal variable, in standard deviations
 # Ranges of the scales, in spreads of an input, and of the deviations of smooth part, run (at the
 # root mean square of its effects) and reading, in root mean squares of what is explained; the
 # search begins at the first of three.

@@ -12,8 +12,7 @@ from correction_node.models.dataset import Array, LengthCell, case_numbers, leng
 from winding_core.cable.cases import Case, Material
 
 LEVEL = 0.9
-# Table 1 prints four digits; the weights behind it differ by up to 0.03 %.
-ROUNDING = 1.0e-3
+ROUNDING = 1.0e-3  # Table 1 prints four digits; the weights behind it differ by up to 0.03 %
 
 
 @dataclass(frozen=True, kw_only=True)

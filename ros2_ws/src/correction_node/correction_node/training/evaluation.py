@@ -19,8 +19,7 @@ from correction_node.models.dataset import (
 )
 from winding_core.cable.cases import Material
 
-# Predicts h, shape (n,).
-Model = Callable[[Sequence[MarkerCondition]], Array]
+Model = Callable[[Sequence[MarkerCondition]], Array]  # Predicts h, shape (n,)
 # Learns a model from cells.
 Fit = Callable[[Sequence[LengthCell]], Model]
 RIDGE_PENALTY = 1.0

@@ -41,8 +41,7 @@ from correction_node.training.training import (
 
 __all__ = ["NETWORK", "HeldOut", "Learned", "Progress", "learn", "learn_and_hold_out", "verdict"]
 
-# A guess, and called one in the card: there is no data outside the box.
-OUTSIDE_FACTOR = 2.0
+OUTSIDE_FACTOR = 2.0  # A guess, and called one in the card: there is no data outside the box
 # The rod differs from its quasi-static limit by 0.14 %, the paper's simulation by a third.
 REFERENCE_TOLERANCE = 0.01
 

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 # A machine that waits half a second for a command has to hear of a gap before it stops [s].
 LONGEST_GAP = 0.2
-# So long without such a gap, and the law commands again [s].
-_ON_TIME = 2.0
+_ON_TIME = 2.0  # So long without such a gap, and the law commands again [s]
 
 
 @dataclass(kw_only=True)

@@ -23,10 +23,8 @@ from winding_core.parameters import parameter
 
 # Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
 _PULL_CHANGE = 1.4
-# A measured height that is off by this part of the pitch may be another turn's.
-_OF_PITCH = 0.25
-# Cable that is held by less slips whatever the guide does.
-_LEAST_FRICTION = 0.02
+_OF_PITCH = 0.25  # A measured height that is off by this part of the pitch may be another turn's
+_LEAST_FRICTION = 0.02  # Cable that is held by less slips whatever the guide does
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,16 +18,12 @@ from winding_core.lay.records import ControlMode
 
 Array = NDArray[np.float64]
 
-# Steps of the wound angle [rad].
-_STEP = 0.05
+_STEP = 0.05  # Steps of the wound angle [rad]
 # A marker is measured so far behind the contact line [rad], with such a deviation [rad].
 _SEEN_AFTER, _SIGMA_SEEN = 0.3, 1.0e-3
-# An unusual rig is off by so many deviations.
-_UNUSUAL = 2.2
-# Nothing moves by less [rad].
-_LEAST = 1.0e-9
-# A run ends so many radians behind the last wanted marker.
-_BEYOND = 20.0
+_UNUSUAL = 2.2  # An unusual rig is off by so many deviations
+_LEAST = 1.0e-9  # Nothing moves by less [rad]
+_BEYOND = 20.0  # A run ends so many radians behind the last wanted marker
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,8 +23,7 @@ from winding_core.lay.records import ControlBasis, ControlMode, LayFlag, LayReco
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers
 
-# Frames without a flag that a marker is averaged over.
-_FRAMES = 20
+_FRAMES = 20  # Frames without a flag that a marker is averaged over
 # How far their angles may spread: so much [rad], or so many of their own deviations where these
 # are larger. Of 20 frames of a marker that lies, one set in a hundred spreads further than 5.7.
 _SPREAD = 8.0e-3
@@ -89,12 +88,9 @@ def _mean(number: int, frames: list[list[float]]) -> LandedMarker:
     )
 
 
-# Cable that lies on less than this has nothing on the cylinder that could slip [rad].
-UNWOUND = 0.2
-# Neighbours hold cable off its place by so many deviations at most.
-_DOUBTS = 3.0
-# Least tension that a span is taken to carry [N].
-_LEAST_TENSION = 1.0e-3
+UNWOUND = 0.2  # Cable that lies on less than this has nothing on the cylinder that could slip [rad]
+_DOUBTS = 3.0  # Neighbours hold cable off its place by so many deviations at most
+_LEAST_TENSION = 1.0e-3  # Least tension that a span is taken to carry [N]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,15 +11,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Steps of the wound angle between which the guide is taken as moving evenly [rad].
-_STEP = 0.01
-# The span's end counts as bent over this at least [m].
-_LEAST_BEND = 5.0e-4
+_STEP = 0.01  # Steps of the wound angle between which the guide is taken as moving evenly [rad]
+_LEAST_BEND = 5.0e-4  # The span's end counts as bent over this at least [m]
 # Its largest share of the free length.
 _MOST_BEND = 0.3
 _CHANGE = 1.0e-4
-# How far the cable may land from the guide where nothing is known [m].
-_UNKNOWN = 0.03
+_UNKNOWN = 0.03  # How far the cable may land from the guide where nothing is known [m]
 # A height further off than so many deviations, and than the gate, is an outlier. Outliers that
 # persist over such an angle [rad] are accepted: then the estimate is wrong, and begins anew.
 _OUTLYING, _PERSISTENT = 6.0, math.pi

@@ -15,15 +15,12 @@ from winding_core.units import MILLIMETRE
 
 Array = NDArray[np.float64]
 
-# Places that are compared with those of the turn before.
-_PER_TURN = 72
+_PER_TURN = 72  # Places that are compared with those of the turn before
 # Neighbours that are so many diameters farther apart or closer than wanted lie wrong, and so do
 # those whose places are known no better than so many deviations.
 _OFF, _DEVIATIONS = 0.3, 4.0
-# Cable that lies beside the turn before within so many deviations touches it.
-_TOUCHES = 2.0
-# Two turns of a layer lie farther apart than so many diameters.
-_SAME = 0.5
+_TOUCHES = 2.0  # Cable that lies beside the turn before within so many deviations touches it
+_SAME = 0.5  # Two turns of a layer lie farther apart than so many diameters
 # Cable that is seen so many diameters higher than planned has climbed; what is seen nearer than
 # this to the turn before may be that turn.
 _HIGH, _OTHER = 0.5, 0.1

@@ -14,10 +14,8 @@ from winding_core.cable.material_law import MaterialLaw
 Array = NDArray[np.float64]
 
 _FORCES = 2000
-# A span that pulls less than bending takes leaves the cable short.
-_SMALLEST_STRETCH = 0.9
-# A cable stretched further than this is not wound.
-_LARGEST_STRETCH = 3.5
+_SMALLEST_STRETCH = 0.9  # A span that pulls less than bending takes leaves the cable short
+_LARGEST_STRETCH = 3.5  # A cable stretched further than this is not wound
 
 
 class LayOnLaw:
@@ -63,10 +61,8 @@ class LayOnLaw:
         return np.asarray(np.hypot(self.radius(force) + raised, slope) / self.stretch(force))
 
 
-# Pulls are planned up to this share of what the material carries at all.
-_OF_LIMIT = 0.98
-# A wound angle at which every build-up has ended [rad].
-_BUILT = 1.0e9
+_OF_LIMIT = 0.98  # Pulls are planned up to this share of what the material carries at all
+_BUILT = 1.0e9  # A wound angle at which every build-up has ended [rad]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -22,8 +22,7 @@ from winding_core.units import known
 Array = NDArray[np.float64]
 
 FULL_TURN = 2.0 * math.pi
-# Points per turn at which residuals are compared.
-_PER_TURN = 200
+_PER_TURN = 200  # Points per turn at which residuals are compared
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,7 @@ from lay_control_node.planning.lay_on import StretchedCable
 Array = NDArray[np.float64]
 
 _BISECTIONS = 40
-# A marker that lands so little after the end lands at the end [rad].
-_AT_THE_END = 1.0e-3
+_AT_THE_END = 1.0e-3  # A marker that lands so little after the end lands at the end [rad]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -29,8 +29,7 @@ from winding_core.lay.smoothed_line import smoothed_program
 
 Array = NDArray[np.float64]
 
-# Share of a residual limit that rounding may take.
-_OF_LIMIT = 0.95
+_OF_LIMIT = 0.95  # Share of a residual limit that rounding may take
 # The pull is planned on samples so far apart [rad].
 _TRACK_STEP = 0.02
 _STANDING_SAMPLES = 50

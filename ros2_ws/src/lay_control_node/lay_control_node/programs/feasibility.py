@@ -16,10 +16,8 @@ from winding_core.units import MILLIMETRE
 
 # Neighbours are compared every so much of a turn, and at every point of the program.
 _STEP = FULL_TURN / 48.0
-# Touching neighbours are no overlap.
-_ROUNDING = 1.0e-9
-# No run winds more, and comparing them would take minutes.
-_MOST_PAIRS = 20_000_000
+_ROUNDING = 1.0e-9  # Touching neighbours are no overlap
+_MOST_PAIRS = 20_000_000  # No run winds more, and comparing them would take minutes
 
 
 @dataclass(frozen=True, kw_only=True)

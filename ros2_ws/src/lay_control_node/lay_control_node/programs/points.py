@@ -14,8 +14,7 @@ from winding_core.units import MILLIMETRE
 
 FULL_TURN = 2.0 * math.pi
 MOST_POINTS = 100_000
-# An hour at full speed is less.
-MOST_TURNS = 10_000.0
+MOST_TURNS = 10_000.0  # An hour at full speed is less
 
 # Column -> one of it in radians or metres.
 ANGLES = {"theta_rad": 1.0, "theta_deg": math.pi / 180.0, "turns": FULL_TURN}

@@ -10,8 +10,7 @@ from lay_control_node.programs.points import parse_csv
 from lay_control_node.programs.yaml_reader import parse_yaml
 from winding_core.lay.program import LayProgram, LayProgramError
 
-# A program of a hundred thousand points takes a few megabytes.
-MOST_BYTES = 10_000_000
+MOST_BYTES = 10_000_000  # A program of a hundred thousand points takes a few megabytes
 
 
 def read_text(path: Path) -> str:

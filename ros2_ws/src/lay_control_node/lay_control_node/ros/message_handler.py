@@ -26,8 +26,7 @@ from winding_ros.topic import Topic
 
 # A machine that has stood for longer is not commanded: it may have been stopped [s].
 _STANDING = 0.2
-# A stamp of zero means that a command holds from its arrival [s].
-_FIRST_STAMP = 1.0e-9
+_FIRST_STAMP = 1.0e-9  # A stamp of zero means that a command holds from its arrival [s]
 # A command without a successor for so many periods is carried on, for so long at most [s]; a
 # machine that is silent for twice as long is stopped by supervision.
 _CARRIED_AFTER = 2.0

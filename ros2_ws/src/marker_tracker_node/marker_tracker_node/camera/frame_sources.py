@@ -32,8 +32,7 @@ _GIVE_RATE = "give the camera's rate (--fps) to count pictures instead"
 # Steps that differ by less are even: containers round times to milliseconds.
 EVEN_SHARE = 0.1
 ROUNDING = 1.001e-3
-# Rates that differ by less are the same.
-SAME_RATE = 0.005
+SAME_RATE = 0.005  # Rates that differ by less are the same
 # So many equal times in succession are no times.
 REPEATED = 3
 BAGS = (".mcap", ".db3", ".bag")

@@ -16,8 +16,7 @@ TABLE_SIZE = 32**3
 # What comes of looking for a mark; HIDDEN until it has been measured, PARTLY where light hides a
 # part of it, COVERED where the cable that is about to land hangs before it.
 OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY, COVERED = range(6)
-# Of a detector that cannot know which marker it measures.
-NO_IDENTITY = -1
+NO_IDENTITY = -1  # Of a detector that cannot know which marker it measures
 
 
 class Detection(NamedTuple):

@@ -20,10 +20,8 @@ ByteArray = NDArray[np.uint8]
 # Share of the row's plainest contrast at which an edge counts half, and its limits relative to the
 # brightness: beyond the grooves of turned metal, and beyond noise.
 HALF_SHARE, HALF_LEAST, HALF_MOST = 0.6, 0.04, 0.2
-# A crease of depth c is as plain as a step of this many times c.
-CREASE_GAIN = 2.5
-# What is less plain is noise.
-LEAST_STRENGTH = 0.1
+CREASE_GAIN = 2.5  # A crease of depth c is as plain as a step of this many times c
+LEAST_STRENGTH = 0.1  # What is less plain is noise
 # Steps to either side of an edge that are tried in search of it, and to make it finer.
 COARSE_STEPS, FINE_STEPS, WIDE_STEPS = 4, 2, 5
 FINE_STEP = 0.35

@@ -18,16 +18,13 @@ from marker_tracker_node.lay.turn_map import TurnMap, led_on
 from marker_tracker_node.lay.wound_rows import Moment, take_row
 from winding_core.lay.records import LayRecords
 
-# The free span changes more slowly than there is new cable.
-SPAN_STEPS = 1.0
+SPAN_STEPS = 1.0  # The free span changes more slowly than there is new cable
 # A span whose angle is known no better is none [rad], nor one that fewer of its rows show.
 MOST_DOUBT, MOST_ROWS = 2.5e-3, 0.6
-# No cable is laid with a greater slope, dz per way.
-STEEPEST = 0.5
+STEEPEST = 0.5  # No cable is laid with a greater slope, dz per way
 # How far the slope of a straight cable to the guide may be off, and the share by which its length.
 OFF_GUIDE, LENGTH_DOUBT = 0.02, 0.25
-# A span that was seen so long ago may be anywhere [rad].
-SPAN_MEMORY = 0.5
+SPAN_MEMORY = 0.5  # A span that was seen so long ago may be anywhere [rad]
 
 ByteArray = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]

@@ -26,8 +26,7 @@ IndexArray = NDArray[np.int64]
 COLUMN_STEP = 8
 
 HALF_WANTED = 12.0
-# Steps of the differences [rad], [m]: small beside a pose, large beside rounding.
-STEP = 1.0e-4
+STEP = 1.0e-4  # Steps of the differences [rad], [m]: small beside a pose, large beside rounding
 # How well P0 tells the camera's turn [rad]: smaller ones are not applied (`run_start`).
 TURN_LEFT = 1.2e-4
 

@@ -36,8 +36,7 @@ LEAST_PIVOT = 1.0e-12
 # How far the cable may be from where it is sought in each row, and where it lands from where it
 # should, in cable diameters.
 SOUGHT, EXPECTED = 0.6, 0.5
-# The same of a straight cable to the guide, where nothing else is known.
-STRAIGHT = 0.4
+STRAIGHT = 0.4  # The same of a straight cable to the guide, where nothing else is known
 
 
 @called

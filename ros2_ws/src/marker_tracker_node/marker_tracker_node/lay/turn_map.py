@@ -15,12 +15,9 @@ FloatArray = NDArray[np.float64]
 
 PLACES_PER_TURN = 72
 PLACE_ANGLE = 2.0 * math.pi / PLACES_PER_TURN
-# Places before P0, for the clamped tail.
-BEFORE = PLACES_PER_TURN // 2
-# A mean forgets what is older than so many sightings: cable may slip.
-MEMORY = 60.0
-# How far the guide leads the newest cable on from where it was seen [rad].
-LED = 2.0
+BEFORE = PLACES_PER_TURN // 2  # Places before P0, for the clamped tail
+MEMORY = 60.0  # A mean forgets what is older than so many sightings: cable may slip
+LED = 2.0  # How far the guide leads the newest cable on from where it was seen [rad]
 
 
 class Places(NamedTuple):

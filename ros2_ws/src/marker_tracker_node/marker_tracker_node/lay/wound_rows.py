@@ -40,8 +40,7 @@ BESIDE = 0.2
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 TURN = 2.0 * math.pi
-# How far the map is carried on along the cable [rad].
-REACH = 0.5
+REACH = 0.5  # How far the map is carried on along the cable [rad]
 # An older turn lies still: one that is seen so far from where it is known is another one. All in
 # cable diameters; one that a newer turn lies nearer to than COVERED is not seen whole.
 SETTLED, COVERED = 0.25, 0.75
@@ -51,8 +50,7 @@ STILL, NEAR, NEAR_GROWTH, FARTHEST = 0.03, 0.08, 0.3, 0.8
 # Share of places that lie anywhere within these limits, and of rows that do not show the newest
 # turn, and of hidden turns that pass for whole; density of what is no known turn [1/diameter].
 TAILS, MISSED, MISTAKEN, UNKNOWN = 0.05, 0.05, 0.2, 0.05
-# Cable that may be clamped behind P0 [rad].
-TAIL = 0.6
+TAIL = 0.6  # Cable that may be clamped behind P0 [rad]
 
 
 @compiled

@@ -12,16 +12,13 @@ from winding_core.units import MILLISECOND
 
 Array = NDArray[np.float64]
 
-# Slower encoders leave too much of a ramp between two samples.
-LOWEST_ENCODER_RATE_HZ = 40.0
+LOWEST_ENCODER_RATE_HZ = 40.0  # Slower encoders leave too much of a ramp between two samples
 # The tracker interpolates the encoder over at most this gap.
 LONGEST_GAP_S = 0.1
 LOWEST_TENSION_RATE_HZ = 50.0
 LOWEST_FRAME_RATE_HZ = 25.0
-# Predictions, frames and encoder are put together by their stamps.
-CLOCK_TOLERANCE_S = 0.25
-# Share of the running speed below which an axis stands.
-STANDSTILL_SHARE = 0.01
+CLOCK_TOLERANCE_S = 0.25  # Predictions, frames and encoder are put together by their stamps
+STANDSTILL_SHARE = 0.01  # Share of the running speed below which an axis stands
 # Speed is compared with the change of position, which an encoder's steps make coarse.
 SPEED_TOLERANCE = 0.2
 

@@ -39,8 +39,7 @@ from winding_ros.messages.serialised import MessageError
 from winding_ros.topic import Topic
 
 _PERIOD = 0.02
-# How long an unanswered motion may go on, by the interface [s].
-DEAD_MAN = 0.5
+DEAD_MAN = 0.5  # How long an unanswered motion may go on, by the interface [s]
 # A stamp that is older than the dead-man time by far [s].
 _LATE = 2.0
 _LISTEN = 0.6

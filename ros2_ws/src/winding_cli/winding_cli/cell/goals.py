@@ -14,8 +14,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-# Lines of a run's output that are kept: the last names the cause of its end.
-_KEPT_LINES = 20
+_KEPT_LINES = 20  # Lines of a run's output that are kept: the last names the cause of its end
 
 
 class GoalState(IntEnum):

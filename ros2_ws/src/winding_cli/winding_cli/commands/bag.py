@@ -28,8 +28,7 @@ from winding_core.units import MEGABYTE, MILLISECOND
 from winding_recorder.bags.description import COMPLETE, PARAMETERS, RECOVERED, BagError
 
 _KEY_PERIOD = 0.1
-# A bag time below is no date: the year 2001 [s].
-_DATES = 1e9
+_DATES = 1e9  # A bag time below is no date: the year 2001 [s]
 
 bag = command_group("bag")
 

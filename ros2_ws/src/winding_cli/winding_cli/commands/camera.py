@@ -27,8 +27,7 @@ if TYPE_CHECKING:
     from marker_tracker_node.camera.calibration import Board
     from winding_rig_node.camera import Scene
 
-# Frames that `winding check-film` looks at, from the first on.
-_CHECKED = 500
+_CHECKED = 500  # Frames that `winding check-film` looks at, from the first on
 
 Film = Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")]
 CameraFile = Annotated[

@@ -32,10 +32,8 @@ if TYPE_CHECKING:
     from cable_fem_node.winding.expected_cost import ExpectedCost
     from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
-# A run of so few steps takes seconds, and is not timed beforehand.
-_FEW_STEPS = 1.0e6
-# Processor time that is announced [s].
-_LONG_S = 5.0
+_FEW_STEPS = 1.0e6  # A run of so few steps takes seconds, and is not timed beforehand
+_LONG_S = 5.0  # Processor time that is announced [s]
 
 _MARKERS = (
     Shown("marker", marker_name),

@@ -32,8 +32,7 @@ runs = command_group("runs")
 Folder = Annotated[Path, typer.Argument(help="Folder of runs, with folders in it.")]
 In = Annotated[Path, typer.Option("--folder", help="Folder of runs, in which ids are looked up.")]
 Run = Annotated[str, typer.Argument(help="Folder of a run, its run.json, or a run's id.")]
-# Announcements that a terminal shows.
-_SENTENCES = 12
+_SENTENCES = 12  # Announcements that a terminal shows
 # A date of ISO 8601, or the beginning of one.
 _DATE = re.compile(r"\d{4}(-\d\d(-\d\d(T\d\d(:\d\d(:\d\dZ?)?)?)?)?)?")
 _SELECTED = {

@@ -20,8 +20,7 @@ from winding_cli.terminal.ros_environment import check_namespace, joined, plain_
 from winding_core.parameters import ParameterError
 from winding_core.run_spec import GOAL_OPTIONS, SECTION_OF, RunSpec
 
-# Discovery of a server that runs already [s].
-_LOOK = 1.5
+_LOOK = 1.5  # Discovery of a server that runs already [s]
 
 
 def serve(

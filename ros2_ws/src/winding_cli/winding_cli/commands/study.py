@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from winding_study.paper.study_record import StudyRecord
 
 STORE = Path("runs") / "study"
-# A row or a range of rows.
-_CASES = re.compile(r"(?P<first>[0-9]{1,3})(-(?P<last>[0-9]{1,3}))?")
+_CASES = re.compile(r"(?P<first>[0-9]{1,3})(-(?P<last>[0-9]{1,3}))?")  # A row or a range of rows
 
 
 def study(

@@ -35,8 +35,7 @@ FILES = ("cell", "cable")
 LONGEST = 24
 _GO_ON = "the same command goes on from there"
 
-# An unfinished file this old has no living writer [s].
-ABANDONED = 3600.0
+ABANDONED = 3600.0  # An unfinished file this old has no living writer [s]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,8 +39,7 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record")
 
-# The least tension that a condition may have [N].
-_UNLOADED = 1.0e-3
+_UNLOADED = 1.0e-3  # The least tension that a condition may have [N]
 
 
 @with_options(Condition, CameraClockParameters, CameraPlacement, MarkerParameters, CameraPixels)

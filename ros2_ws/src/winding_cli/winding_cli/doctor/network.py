@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 
 # RTPS 2.2, section 9.6.1.1: a domain has 250 ports, and a participant two of them.
 _PORT_BASE, _DOMAIN_GAIN, _PARTICIPANT_GAIN, _UNICAST = 7400, 250, 2, 10
-# Processes on one host that the graph's profile looks for.
-PARTICIPANTS = 32
+PARTICIPANTS = 32  # Processes on one host that the graph's profile looks for
 # Four nodes, the orchestrator and the operator's page.
 _WANTED = 6
 _LOCALHOST = "127.0.0.1"

@@ -35,8 +35,7 @@ from winding_ros.messages.rig import encode_joint_state
 from winding_ros.topic import Topic
 
 Picture = RawImage | FileImage
-# So many late frames are listed.
-_LISTED = 5
+_LISTED = 5  # So many late frames are listed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -15,8 +15,7 @@ from winding_core.units import MILLIMETRE
 
 # Points of a link whose distance from the cylinder is looked at.
 _LINK_POINTS = np.linspace(0.0, 1.0, 9)[:, None]
-# The cylinder goes on beyond the ends of a way by so much [m].
-_MARGIN = 0.02
+_MARGIN = 0.02  # The cylinder goes on beyond the ends of a way by so much [m]
 # A solved joint position is as near as this to the one before [rad or m]: it is on the same branch.
 _BRANCH = 1.0
 

@@ -15,8 +15,7 @@ from winding_core.arm.rigid import FloatArray, Pose
 # A step of the inverse kinematics ends when the tip is so near [m], [rad].
 NEAR = 1.0e-6
 _MOST_STEPS = 30
-# Places at which a way is looked at are so far apart [m].
-LOOK = 5.0e-3
+LOOK = 5.0e-3  # Places at which a way is looked at are so far apart [m]
 # Damping of the least squares, beside singular values of about one: moves little where none is.
 _DAMPING = 1.0e-4
 # Keeps a quotient finite where a joint does not move, or its description allows no speed.

@@ -16,8 +16,7 @@ from winding_core.parameters import parameter
 from winding_core.units import MEGAPASCAL, PLAIN
 
 Array = NDArray[np.float64]
-# What is constant, or one value per stretch.
-Values = float | Array
+Values = float | Array  # What is constant, or one value per stretch
 
 TABLE_LOW = 0.2
 TABLE_HIGH = 4.0

@@ -18,8 +18,7 @@ from winding_core.units import LENGTH, LONG_LENGTH, MILLIMETRE, PLAIN, TURNS
 
 Array = NDArray[np.float64]
 
-# An hour at full speed is less.
-MOST_TURNS = 10_000
+MOST_TURNS = 10_000  # An hour at full speed is less
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -24,8 +24,7 @@ WINDINGS = tuple(WIDEST_PITCH)
 HEIGHT_TOLERANCE = 0.3
 # On upper layers a place that is so many pitches from where the cable landed is another turn's.
 ANOTHER_TURN = 1.5
-# A pitch of one diameter may miss it by a rounding.
-ROUNDING = 1.0e-9
+ROUNDING = 1.0e-9  # A pitch of one diameter may miss it by a rounding
 
 
 def contact_height(cable_diameter: float, beside: ArrayLike) -> Array:

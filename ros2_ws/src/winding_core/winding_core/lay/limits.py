@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.parameters import parameter
 
-# Nothing but the drive limits the jerk: full acceleration within so long [s].
-_JERK_TIME = 1.0e-3
+_JERK_TIME = 1.0e-3  # Nothing but the drive limits the jerk: full acceleration within so long [s]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -19,8 +19,7 @@ from winding_core.machine.drive import DriveProfile
 
 Array = NDArray[np.float64]
 
-# A quarter of a turn: beyond that the cylinder had better turn slower.
-WIDEST = 0.5 * np.pi
+WIDEST = 0.5 * np.pi  # A quarter of a turn: beyond that the cylinder had better turn slower
 # For friction corners are rounded up to so much [rad], and to so much of what it holds.
 WIDEST_BY_FRICTION = 2.5
 OF_FRICTION = 1.2
@@ -143,8 +142,7 @@ def _samples(line: SmoothedLine) -> Array:
     return np.concatenate([np.unique(marks) * step, line.theta])
 
 
-# Smaller roundings are not reported [m].
-LEAST_REPORTED = 1.0e-5
+LEAST_REPORTED = 1.0e-5  # Smaller roundings are not reported [m]
 
 
 @dataclass(frozen=True, kw_only=True)

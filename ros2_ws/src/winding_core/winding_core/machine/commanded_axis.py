@@ -8,8 +8,7 @@ from typing import Protocol
 
 from winding_core.machine.commands import AXES, AxisTarget, Interpolation, Motion
 
-# Rate at which the setpoint closes up to what is wanted [1/s].
-_CLOSING_RATE = 40.0
+_CLOSING_RATE = 40.0  # Rate at which the setpoint closes up to what is wanted [1/s]
 # Far from its target an axis brakes with this share of its acceleration; the rest is reserve.
 _BRAKING_SHARE = 0.8
 # Targets that come further apart are moves of their own, not the samples of one motion [s].

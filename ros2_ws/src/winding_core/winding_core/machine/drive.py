@@ -108,8 +108,7 @@ class TurningDrive(DriveProfile):
     # Carriage position at which the guide turns back [m], with the sign of the feed; None for a
     # guide that never does.
     guide_turns_at: float | None = None
-    # Time at which both axes begin to turn back [s]; None: never.
-    unwinds_from: float | None = None
+    unwinds_from: float | None = None  # Time at which both axes begin to turn back [s]; None: never
 
     def __post_init__(self) -> None:
         super().__post_init__()

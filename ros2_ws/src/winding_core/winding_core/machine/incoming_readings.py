@@ -14,10 +14,8 @@ from winding_core.machine.readings import AxisReading
 # Further from where it stood, an axis moves: above an encoder's noise, below a wound millimetre
 # [rad, m].
 MOTION = (2.0e-3, 1.0e-4)
-# Slower than this an axis stands, as its encoder sees it [rad/s, m/s].
-STANDING = (0.02, 6.0e-5)
-# So much standstill belongs to the run [s].
-LEAD_IN = 0.5
+STANDING = (0.02, 6.0e-5)  # Slower than this an axis stands, as its encoder sees it [rad/s, m/s]
+LEAD_IN = 0.5  # So much standstill belongs to the run [s]
 
 
 class Timed(Protocol):
@@ -70,8 +68,7 @@ class MotionStart(Generic[Item]):
         return held
 
 
-# Stamps are whole nanoseconds, carried as seconds.
-_ROUNDING = 1.0e-6
+_ROUNDING = 1.0e-6  # Stamps are whole nanoseconds, carried as seconds
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from winding_core.helix import FloatOrArray
 
-# The drum diameter in the middle of the two that were measured.
-REFERENCE_DIAMETER = 45.0e-3
+REFERENCE_DIAMETER = 45.0e-3  # The drum diameter in the middle of the two that were measured
 
 
 class TensionLaw(Protocol):

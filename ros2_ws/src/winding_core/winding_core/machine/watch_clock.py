@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-# Between two looks no more time counts than this [s].
-_LONGEST_LOOK = 0.2
+_LONGEST_LOOK = 0.2  # Between two looks no more time counts than this [s]
 
 
 class WatchClock:

@@ -10,8 +10,7 @@ from winding_core.run_spec import RunSpec
 from winding_dashboard.page.condition_form import label
 
 _SUFFIX = ".yaml"
-# A name is that of a file.
-_NAME = re.compile(r"\w[\w .-]{0,59}", re.ASCII)
+_NAME = re.compile(r"\w[\w .-]{0,59}", re.ASCII)  # A name is that of a file
 
 
 class Recipes:

@@ -40,8 +40,7 @@ from winding_dashboard.state.health import RECORDER, recording_sentence
 from winding_dashboard.state.view_state import ViewState
 
 _MEGA = 1.0e6
-# Votes that are shown; the others are below.
-_SHOWN_VOTES = 3
+_SHOWN_VOTES = 3  # Votes that are shown; the others are below
 # The clock of a simulated machine ends with its run, at full speed: nothing turns any more.
 _OVER, _STANDS = ("finished", "emergency stop"), "stands; the machine's clock has ended"
 
@@ -187,8 +186,7 @@ _REMEMBERED = 256
 _MOST_NODES, _NEWEST_TURNS = 12, 6
 # Element of each switch of the lay's controller.
 _MODES = {mode: f"mode-{mode.name.lower()}" for mode in ControlMode}
-# Of a camera whose picture size is not known yet [px].
-_PICTURE = (800, 120)
+_PICTURE = (800, 120)  # Of a camera whose picture size is not known yet [px]
 
 Render = Callable[[str, dict[str, Any]], str]
 

@@ -10,8 +10,7 @@ from winding_core.status import Level, Status
 RECORDER = "recorder"
 _UNITS = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 _DIGITS = 19
-# A node repeats its state every second; one that misses three is not heard.
-SILENCE = 3.5
+SILENCE = 3.5  # A node repeats its state every second; one that misses three is not heard
 # Names of external nodes that are kept before the oldest are forgotten.
 _MOST_NODES = 24
 _MOST_PARTS = 16

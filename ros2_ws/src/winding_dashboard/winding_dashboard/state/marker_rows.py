@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from winding_core.markers import MarkerFlag, Markers
 
 NAN = float("nan")
-# Rows from the start, and rows at most.
-USUAL_MARKERS, MOST_MARKERS = 4, 8
+USUAL_MARKERS, MOST_MARKERS = 4, 8  # Rows from the start, and rows at most
 # The gravest first.
 _STATES = (
     (MarkerFlag.NOT_WOUND, "not wound"),

@@ -142,10 +142,8 @@ _QUEUE, _AT_ONCE = 1024, 8
 # Files that reports, logs and the graph may still open.
 _SPARE = 32
 _FEWEST = 16
-# Browsers that hold a connection must not hold up the end [s].
-_LAST_ANSWERS = 1
-# A connection without a further request is closed before it counts as half of one [s].
-_IDLE = 4
+_LAST_ANSWERS = 1  # Browsers that hold a connection must not hold up the end [s]
+_IDLE = 4  # A connection without a further request is closed before it counts as half of one [s]
 
 
 def listen(app: ASGIApp, host: str, port: int) -> None:

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from winding_plc_driver.machine.mapping import EMERGENCY_STOP, QUICK_STOP, STOP, Heartbeat, Server
 
-# Fits the smallest counter that a PLC has for it.
-_COUNTER = 2**15
-# The later, the stronger.
-_STOPS = (STOP, QUICK_STOP, EMERGENCY_STOP)
+_COUNTER = 2**15  # Fits the smallest counter that a PLC has for it
+_STOPS = (STOP, QUICK_STOP, EMERGENCY_STOP)  # The later, the stronger
 
 
 class Link:

@@ -17,8 +17,7 @@ class Measured(NamedTuple):
 
 # Readers keep two seconds of a topic; a burst of a quarter of that finds room.
 _BURST_NS = 500_000_000
-# A quarter of a reader's two seconds is left to its stalls.
-_SPEED = 4.0
+_SPEED = 4.0  # A quarter of a reader's two seconds is left to its stalls
 # A look that comes late [s] makes no larger burst.
 _LONGEST = 0.1
 _NANO = 1e9

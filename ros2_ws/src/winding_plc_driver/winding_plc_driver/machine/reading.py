@@ -72,8 +72,7 @@ class VariableReader:
         return raw + self._turns * span
 
 
-# Part 4 of OPC UA, 7.22: numbers begin with 1 and start again from 1.
-_NUMBERS = 2**32 - 1
+_NUMBERS = 2**32 - 1  # Part 4 of OPC UA, 7.22: numbers begin with 1 and start again from 1
 
 
 class SequenceNumbers:

@@ -240,8 +240,7 @@ def _application_uri(certificate: x509.Certificate) -> str:
 
 
 _CHANNEL_LIFETIME_S = 3600.0
-# For requests of the driver's own [s]: an answer may bring a long queue.
-_PATIENCE = 5.0
+_PATIENCE = 5.0  # For requests of the driver's own [s]: an answer may bring a long queue
 # Part 4 of OPC UA, 5.5.2: a channel is renewed after three quarters of its lifetime.
 _RENEWAL = 0.75
 

@@ -15,8 +15,7 @@ from winding_recorder.bags.mcap_scan import Scan, ScannedChunk, scan, scan_by_in
 from winding_recorder.bags.reading import read_notes, storage_files
 from winding_recorder.bags.writer import BagWriter
 
-# (channel key within the file, message)
-_Row = tuple[int, StoredMessage]
+_Row = tuple[int, StoredMessage]  # (channel key within the file, message)
 
 
 @dataclass(kw_only=True)

@@ -24,10 +24,8 @@ _PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _STAMPS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 # PointField datatypes in their order, from 1.
 _POINT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
-# A batch of rows at a time keeps a long recording out of memory.
-_BATCH = 20_000
-# A list whose length changes from message to message has no columns of its own.
-_LONGEST_LIST = 64
+_BATCH = 20_000  # A batch of rows at a time keeps a long recording out of memory
+_LONGEST_LIST = 64  # A list whose length changes from message to message has no columns of its own
 
 Row = dict[str, Any]
 

@@ -19,8 +19,7 @@ from winding_recorder.bags.mcap_file import BagConfig, McapFile
 
 _RESERVE = ".reserve"
 _RESERVE_STEP = 128 * 1024
-# metadata.yaml with its notes.
-_FOLDER_BYTES = 64 * 1024
+_FOLDER_BYTES = 64 * 1024  # metadata.yaml with its notes
 
 
 class Reserve:

@@ -25,8 +25,7 @@ from winding_ros.topic import Taken, Topic
 
 Answer = Callable[[bool, str], None]
 
-# A topic has one publisher; its predecessor and a few rivals are distinguished.
-_PUBLISHERS = 4
+_PUBLISHERS = 4  # A topic has one publisher; its predecessor and a few rivals are distinguished
 
 
 class LossCount:

@@ -39,8 +39,7 @@ _LOOK_PERIOD = 0.01
 _REPORT_PERIOD_NS = 1_000_000_000
 # Messages of one topic come in order; a machine that is built anew begins at zero.
 _WENT_BACK_NS, _FAR_AHEAD_NS = 500_000_000, 10_000_000_000
-# The end of the seconds of a stamp.
-_LATEST_NS = 2_147_483_000_000_000_000
+_LATEST_NS = 2_147_483_000_000_000_000  # The end of the seconds of a stamp
 # What waits for the disk; a simulated machine waits itself long before.
 _MOST_WAITING = 256 * 1024 * 1024
 

@@ -27,8 +27,7 @@ PICTURES = (topics.IMAGE, topics.PREVIEW)
 # Simulated time of which the buffer has every message, and of which it keeps as many before that.
 _WHOLE_S, _SAMPLE_S = 10.0, 20.0
 _FEWEST = 200
-# The newest joint states that speeds are taken from.
-_SLOPE_SAMPLES = 50
+_SLOPE_SAMPLES = 50  # The newest joint states that speeds are taken from
 
 
 class BufferedMessage(NamedTuple):

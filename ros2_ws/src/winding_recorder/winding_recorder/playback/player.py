@@ -28,8 +28,7 @@ from winding_ros.messages.stamps import encode_stamp
 from winding_ros.topics import CLOCK, DIAGNOSTICS
 
 _CLOCK_PERIOD = 0.01
-# Pause and end are noticed this often [s].
-_LOOK_PERIOD = 0.05
+_LOOK_PERIOD = 0.05  # Pause and end are noticed this often [s]
 # What came in this time before a place is published at once when the playback goes there [s]: every
 # topic but the latched ones has published its newest.
 _BEFORE = 1.2

@@ -36,8 +36,7 @@ DEFAULT_TOLERANCE = 1.0e-6
 _NANO = 1_000_000_000
 # Encoder samples of the last second before a node's first message belong to it [ns].
 _BEFORE = _NANO
-# Stamps since the epoch, carried as seconds [ns].
-_ROUNDING = 1000
+_ROUNDING = 1000  # Stamps since the epoch, carried as seconds [ns]
 
 
 @dataclass(kw_only=True)

@@ -32,8 +32,7 @@ from winding_core.units import known
 
 Array = NDArray[np.float64]
 
-# Places of a turn on the unrolled surface.
-PER_TURN = 24
+PER_TURN = 24  # Places of a turn on the unrolled surface
 
 
 def drum_outcome(
@@ -89,8 +88,7 @@ def _layer(
 
 
 _STEP = 0.02
-# A wanted lay that is no farther from the drive programme's helix is that helix [m].
-_SAME = 1.0e-4
+_SAME = 1.0e-4  # A wanted lay that is no farther from the drive programme's helix is that helix [m]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,8 +14,7 @@ from winding_core.compiling import called
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-# Stretches of the path whose bounds are kept [rad].
-BLOCK_ANGLE = math.pi / 4.0
+BLOCK_ANGLE = math.pi / 4.0  # Stretches of the path whose bounds are kept [rad]
 
 
 class PathTable(NamedTuple):
@@ -156,10 +155,8 @@ def path_crosses(
 
 
 _ROOM = 4096
-# The lay goes on by so much beyond the contact line, for its direction there [rad].
-_AHEAD = 0.02
-# Nearer to the last point than this a line through both is undetermined [rad].
-_CLOSE = 1.0e-4
+_AHEAD = 0.02  # The lay goes on by so much beyond the contact line, for its direction there [rad]
+_CLOSE = 1.0e-4  # Nearer to the last point than this a line through both is undetermined [rad]
 # Beside the points and the blocks: what lies ahead of the contact line, and where that ends.
 _SPARE = 2
 

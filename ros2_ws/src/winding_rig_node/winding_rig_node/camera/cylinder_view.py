@@ -16,8 +16,7 @@ from winding_rig_node.camera.scene import Paint, Surroundings
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
-# Thickness of a flange [m].
-_FLANGE = 3.0e-3
+_FLANGE = 3.0e-3  # Thickness of a flange [m]
 
 
 @dataclass(frozen=True, kw_only=True)

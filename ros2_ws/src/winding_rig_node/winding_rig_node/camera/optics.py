@@ -187,8 +187,7 @@ def _undistorted(
     return plane, worst
 
 
-# A section whose azimuth has a smaller cosine stands behind the cylinder.
-HIDDEN_COSINE = -0.25
+HIDDEN_COSINE = -0.25  # A section whose azimuth has a smaller cosine stands behind the cylinder
 
 
 class RayRange(NamedTuple):

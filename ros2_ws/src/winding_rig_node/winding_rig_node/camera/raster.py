@@ -24,8 +24,7 @@ ByteArray = NDArray[np.uint8]
 COLUMN, NEAR, SHADE, GLOSS, ROW = 0, 1, 2, 3, 4
 LABEL = 0
 
-# Frames are resolved in blocks of a row of this many pixels.
-BLOCK = 8
+BLOCK = 8  # Frames are resolved in blocks of a row of this many pixels
 
 
 class Point(NamedTuple):
@@ -153,8 +152,7 @@ def resolve(
                     out[row, column, channel] = mean + rest * background[row, column, channel]
 
 
-# Index among sections of the one that a ribbon begins with.
-BEGIN = 0
+BEGIN = 0  # Index among sections of the one that a ribbon begins with
 
 
 @called

@@ -25,8 +25,7 @@ ByteArray = NDArray[np.uint8]
 # Chords of this many pixels stay within 0.01 px of the arc at every radius of the paper.
 SECTION_STEP = 3.0
 
-# Straight lines between so many values follow a highlight to 0.01 grey level.
-GLOSS_SIZE = 2048
+GLOSS_SIZE = 2048  # Straight lines between so many values follow a highlight to 0.01 grey level
 
 # Of one marker band: pixel (column, row) of its middle on the centre line, of the centroid of its
 # visible surface, and the visible area [px]; nan where there is none.

@@ -30,12 +30,9 @@ _ROOM = 4096
 # Cable that lands by more than this of its diameter beside its neighbour slides off it, down to
 # its own level; nearer to its top it climbs.
 _SLIDES = 0.5
-# Neighbours give way by so much of a diameter.
-_GIVES = 0.05
-# Cable that lies so much of a diameter above another one does not lie beside it.
-_LEVEL = 0.5
-# Of what cable lies on, all that is so nearly as high bears it, in diameters.
-_BEARS = 0.1
+_GIVES = 0.05  # Neighbours give way by so much of a diameter
+_LEVEL = 0.5  # Cable that lies so much of a diameter above another one does not lie beside it
+_BEARS = 0.1  # Of what cable lies on, all that is so nearly as high bears it, in diameters
 
 
 class Rest(NamedTuple):

@@ -71,8 +71,7 @@ class HiddenRig:
 
 _stretched = called(neo_hookean_stretch)
 
-# Angle between points of a path that are kept [rad].
-GRID_STEP = 0.02
+GRID_STEP = 0.02  # Angle between points of a path that are kept [rad]
 # The bent end of the span is short beside the span; a slack cable would make it endless.
 _LONGEST_BENT_END = 0.25
 

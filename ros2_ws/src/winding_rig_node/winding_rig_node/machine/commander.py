@@ -27,8 +27,7 @@ from winding_core.machine.commands import (
 
 # Speed at which a trajectory's end still counts as standing, as a share of the axis's limit.
 _STANDING = 1.0e-6
-# Interpolation may exceed a limit that its points keep by rounding alone.
-_ROUNDING = 1.0 + 1.0e-9
+_ROUNDING = 1.0 + 1.0e-9  # Interpolation may exceed a limit that its points keep by rounding alone
 
 
 CYLINDER_LIMITS = MotionLimits(name=CYLINDER, speed=8.0, acceleration=10.0)

@@ -8,8 +8,7 @@ from winding_rig_node.machine.axis import AxisState
 from winding_rig_node.machine.commander import Commander
 from winding_rig_node.machine.machine_config import MachineConfig, MachineState, Phase, PhaseError
 
-# Speed that an axis under commands is given per way behind its setpoint [1/s].
-_POSITION_GAIN = 8.0
+_POSITION_GAIN = 8.0  # Speed that an axis under commands is given per way behind its setpoint [1/s]
 
 
 class Setpoints:

@@ -71,8 +71,7 @@ def asked_parameters(node: Node) -> RigParameters:
 
 
 _NAME = "winding_rig_camera"
-# The machine publishes bursts of 5 ms.
-_LOOK_PERIOD = 0.002
+_LOOK_PERIOD = 0.002  # The machine publishes bursts of 5 ms
 
 
 class Port(Protocol):

@@ -24,8 +24,7 @@ _SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
 # Samples are published in bursts of a frame's length: each wake-up of a 1 kHz loop, and of those
 # that read it, costs as much as several messages.
 _BURST = 5
-# Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz.
-_ROUNDING = 1.0e-6
+_ROUNDING = 1.0e-6  # Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz
 
 
 class MachineLoop:

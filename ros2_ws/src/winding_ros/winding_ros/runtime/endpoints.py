@@ -308,8 +308,7 @@ def contestants(node: Node, topic: str) -> tuple[Endpoint, ...]:
     return tuple((publisher.node_namespace, publisher.node_name) for publisher in found)
 
 
-# An answer can be lost; a machine that stands already stays where it is [s].
-_REPEAT = 0.5
+_REPEAT = 0.5  # An answer can be lost; a machine that stands already stays where it is [s]
 
 
 class StopRequest:

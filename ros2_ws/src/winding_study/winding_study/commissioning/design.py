@@ -17,12 +17,10 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_study.commissioning.motion import Motion
 
 _PROBE = 1.0e-3
-# Rigs of the prior over which sensitivities are averaged, the middle one among them.
-_RIGS = 4
+_RIGS = 4  # Rigs of the prior over which sensitivities are averaged, the middle one among them
 # What a tracker of the small cylinder measures a resting marker with, over the frames of a lap.
 SIGMA_THETA, SIGMA_Z = 1.1e-3, 0.04e-3
-# A marker is read once the cylinder has turned this much further [rad].
-SEEN_AFTER = 0.5
+SEEN_AFTER = 0.5  # A marker is read once the cylinder has turned this much further [rad]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,10 +13,8 @@ from winding_core.machine.drive import DriveProfile
 from winding_core.parameters import ParameterError
 from winding_core.run_inputs import Inputs, planned_inputs
 
-# Machine time of a commissioning run [s].
-LONGEST = 60.0
-# A motion shorter than this many turns has wound no marker twice round.
-_FEWEST_TURNS = 2.0
+LONGEST = 60.0  # Machine time of a commissioning run [s]
+_FEWEST_TURNS = 2.0  # A motion shorter than this many turns has wound no marker twice round
 # A change of the pull takes at least so long a way [rad]: a brake's time constant, twice.
 _STEP_WAY = 0.8
 _FULL_TURN = 2.0 * math.pi

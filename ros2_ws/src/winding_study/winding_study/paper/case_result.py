@@ -24,8 +24,7 @@ from winding_reports.records.run_record import WoundCable
 
 Array = NDArray[np.float64]
 
-# Enough for a smooth line; a rod has several hundred nodes at the end of a run.
-MOST_NODES = 600
+MOST_NODES = 600  # Enough for a smooth line; a rod has several hundred nodes at the end of a run
 
 
 def _no_nodes() -> Array:

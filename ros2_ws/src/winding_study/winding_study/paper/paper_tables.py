@@ -19,8 +19,7 @@ from winding_reports.documents.data_table import Column, DataTable, Value
 from winding_study.paper.case_result import CaseResult, Comparison
 
 Row = Mapping[str, Value]
-# h by (case, marker).
-Factors = Mapping[tuple[int, int], float]
+Factors = Mapping[tuple[int, int], float]  # h by (case, marker)
 
 # The published simulation column is 'paper', the experiment 'experiment'.
 PAPER = "paper"

@@ -24,8 +24,7 @@ PROCESSES = 2
 ROD_SEGMENT = 5.0e-3
 # A wound solid element is a chord: D / 6 is a third of the wound radius, so 0.3 rad.
 SOLID_SEGMENT_SHARE = 1.0 / 6.0
-# Of the arrays in the store; a store of another format is not read.
-STORE_FORMAT = 1
+STORE_FORMAT = 1  # Of the arrays in the store; a store of another format is not read
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,8 +42,7 @@ from winding_study.paper.study import ROD_SEGMENT, StudyConfig, predicted_length
 from winding_study.run_parameters import RunParameters
 
 PUBLISHED = "paper's simulation"
-# Models over the rig's span-tension law.
-PHYSICAL = (RIG, RIG_NETWORK, RIG_PROCESS)
+PHYSICAL = (RIG, RIG_NETWORK, RIG_PROCESS)  # Models over the rig's span-tension law
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,8 +18,7 @@ from winding_core.run_inputs import no_inputs
 
 Array = NDArray[np.float64]
 
-# Between these the solver takes a cubic [s].
-_PERIOD = 0.02
+_PERIOD = 0.02  # Between these the solver takes a cubic [s]
 # Steps of the fit of a lag, and how far aside a trial lies, as a share of it.
 _FITS = 4
 _ASIDE = 1.0e-4

@@ -15,8 +15,7 @@ import yaml
 
 from winding_core.yaml_text import PlainLoader, YamlTextError, load_yaml
 
-# More values or runs than this are a slip of the pen.
-LIMIT = 1_000_000
+LIMIT = 1_000_000  # More values or runs than this are a slip of the pen
 
 Value = bool | int | float | str
 GRID, ZIP = "grid", "zip"

@@ -37,16 +37,13 @@ _TURN = 2.0 * math.pi
 _END_SLACK = 0.05
 # A driver that shares its computer may answer late; nothing moves meanwhile [s].
 _START_TIMEOUT = 20.0
-# A client that was made a moment ago may not have found its server yet [s].
-_DISCOVERY = 2.5
-# A brake is released and a drive switched on before the axes move [s].
-_MOTION_PATIENCE = 20.0
+_DISCOVERY = 2.5  # A client that was made a moment ago may not have found its server yet [s]
+_MOTION_PATIENCE = 20.0  # A brake is released and a drive switched on before the axes move [s]
 # A service that stops the machine has so long to answer before it is given up [s].
 _STOP_TIMEOUT = 0.8
 # Then the next one is asked as well: 1.2 s for two, and the failure is reported within two seconds.
 _STOP_HASTE = 0.4
-# So long after the first motion its direction and speed are judged [s].
-_JUDGED = 3.0
+_JUDGED = 3.0  # So long after the first motion its direction and speed are judged [s]
 
 
 class MachineError(GraphError):

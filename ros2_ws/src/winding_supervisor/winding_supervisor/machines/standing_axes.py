@@ -19,10 +19,8 @@ from winding_supervisor.processes.discovery import RivalWatch
 
 _POLL = 0.02
 PATIENCE = 30.0
-# Standing readings are looked at for so long [s].
-_LOOK = 0.5
-# So many of the newest messages show which joints a driver has.
-_NAMED = 200
+_LOOK = 0.5  # Standing readings are looked at for so long [s]
+_NAMED = 200  # So many of the newest messages show which joints a driver has
 # Positions of a machine that stands tremble by less than this within a look [rad, m].
 _TREMBLING = (0.01, 2.0e-4)
 

@@ -50,10 +50,8 @@ from winding_supervisor.watch.supervisor import RunEndedError, Supervisor, repla
 # Corners of a programme: cylinder angle [rad] and pull [N].
 Corner = tuple[float, float]
 _PERIOD = 0.04
-# A machine takes commands once it winds.
-_WINDING = 1.0e-3
-# A driver's subscription is discovered within so long [s].
-_DISCOVERY = 10.0
+_WINDING = 1.0e-3  # A machine takes commands once it winds
+_DISCOVERY = 10.0  # A driver's subscription is discovered within so long [s]
 
 
 class PullProgramme:
@@ -109,8 +107,7 @@ Deliver = Callable[[RunResult], RunOutcome | None]
 
 # A machine that does not stop is asked for so long where no operator is present [s].
 _UNATTENDED = 10.0
-# The middleware has so long to close; Fast DDS has been seen in a deadlock [s].
-_CLOSING = 20.0
+_CLOSING = 20.0  # The middleware has so long to close; Fast DDS has been seen in a deadlock [s]
 
 
 @contextmanager

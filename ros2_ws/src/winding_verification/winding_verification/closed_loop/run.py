@@ -45,8 +45,7 @@ _MARKER_SEEN = (0.05, 1.2)
 _PLACE = math.radians(5.0)
 _PLACES = 864
 
-# Samples of the machine between two advances of the rod.
-_ROD_STRIDE = 10
+_ROD_STRIDE = 10  # Samples of the machine between two advances of the rod
 
 
 class RodTruth:

@@ -38,8 +38,7 @@ from winding_verification.closed_loop.run import CameraErrors
 
 Array = NDArray[np.float64]
 
-# Elements of the hidden cell over those of the fit.
-_FINER = 0.8
+_FINER = 0.8  # Elements of the hidden cell over those of the fit
 # A marker that moves so far after it was first seen counts as slipped, and is not used [rad].
 _SLIPPED = 8.0e-3
 _LOAD_CELL = 0.01  # Noise of a reading of the pull [N]

@@ -15,8 +15,7 @@ from correction_node.models.dataset import Array, LengthCell, case_numbers
 LEVEL = 0.9
 # Search range of L_c [m]: from "grown out after one spacing" to "still growing at the end".
 _SHORTEST, _LONGEST = 0.01, 1.0
-# A millimetre in L_c moves no length by more than 0.01 %.
-_RESOLUTION = 1.0e-4
+_RESOLUTION = 1.0e-4  # A millimetre in L_c moves no length by more than 0.01 %
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,8 +14,7 @@ from winding_core.run_outcome import EndedBy
 from winding_verification.faults.judgement import disagreements
 from winding_verification.faults.trial import Account, Fault, Plan, Trial
 
-# Of both axes, after the detection [s].
-STAND_WITHIN = 0.5
+STAND_WITHIN = 0.5  # Of both axes, after the detection [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -197,8 +196,7 @@ _MACHINE = (
     *("goes back in time", "shifts its clock", "sends NaN"),
 )
 _SIGNALS = ("INT", "TERM", "INT INT", "TERM TERM", "INT TERM")
-# Of the faults so many come while the nodes are started.
-_EARLY, _START_TAKES = 0.15, 8.0
+_EARLY, _START_TAKES = 0.15, 8.0  # Of the faults so many come while the nodes are started
 
 
 def draw_plans(count: int, seed: int) -> list[Plan]:

@@ -17,8 +17,7 @@ from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import Seen
 from winding_verification.tracker.scenes import World, WrongNumber, every_number
 
-# Within these azimuths bands are measured [rad].
-_USABLE = 1.08
+_USABLE = 1.08  # Within these azimuths bands are measured [rad]
 
 
 def sightings(
@@ -90,8 +89,7 @@ def quick(world: World) -> World:
     return replace(world, fps=20.0)
 
 
-# Pairs of wrong numbers of each run.
-_PAIRS = 4
+_PAIRS = 4  # Pairs of wrong numbers of each run
 
 
 @dataclass(frozen=True, kw_only=True)
