@@ -72,9 +72,6 @@ _SILENT = 1.0  # Without a report for so long the guide is silent [s]
 class Guided:
     """The guide of one machine.
 
-    Attributes:
-        lead: What leads the guide.
-
     Raises:
         ArmError: The arm's description cannot be used.
     """
@@ -93,7 +90,7 @@ class Guided:
         self._heard = {"cylinder": -np.inf, "guide": -np.inf}
         # Angle at which the cylinder was last seen to have turned [rad], and when [s].
         self._rested, self._turned = math.nan, -math.inf
-        self.lead = GuideLead(mapping.commands, axis, self._eye, self._arm)
+        self.lead = GuideLead(mapping.commands, axis, self._eye, self._arm)  # What leads the guide
 
     @property
     def joint_names(self) -> list[str]:

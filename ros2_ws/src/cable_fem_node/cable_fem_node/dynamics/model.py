@@ -31,15 +31,7 @@ AXES = "xyz"
 
 
 class ExplicitModel(ABC):
-    """Nodes that move by central differences under internal and external forces.
-
-    Attributes:
-        time: [s]
-        mass: Nodal masses (n,) [kg]; may be changed (point masses) before advancing.
-        gravity: (3,) [m/s^2].
-        load: Nodal loads (3, n) [N] at amplitude one.
-        damping_rate: Mass-proportional damping [1/s], towards rest.
-    """
+    """Nodes that move by central differences under internal and external forces."""
 
     def __init__(self, nodes: ArrayLike, mass: FloatArray) -> None:
         place = np.asarray(nodes, dtype=float)
@@ -48,11 +40,11 @@ class ExplicitModel(ABC):
         count = place.shape[0]
         self.points: Points = empty_points(count)
         self.points.position[:] = place.T
-        self.time = 0.0
-        self.mass = mass
-        self.gravity = np.zeros(3)
-        self.load = np.zeros((3, count))
-        self.damping_rate = 0.0
+        self.time = 0.0  # [s]
+        self.mass = mass  # Nodal masses (n,) [kg]; may be changed (point masses) before advancing
+        self.gravity = np.zeros(3)  # (3,) [m/s^2]
+        self.load = np.zeros((3, count))  # Nodal loads (3, n) [N] at amplitude one
+        self.damping_rate = 0.0  # Mass-proportional damping [1/s], towards rest
         self._free = np.ones((3, count))
         self._driven = np.zeros((3, count))
         self._load_curve = (np.zeros(1), np.ones(1))

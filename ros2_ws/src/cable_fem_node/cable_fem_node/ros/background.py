@@ -63,15 +63,11 @@ class PredictionTask:
     Args:
         ahead: What is left of it is wound.
         begun: Time from which it predicts [s].
-
-    Attributes:
-        begun: As given.
-        failure: Why it ended before the run did; empty if it did not.
     """
 
     def __init__(self, ahead: RunAhead, begun: float) -> None:
         self.begun = begun
-        self.failure = ""
+        self.failure = ""  # Why it ended before the run did; empty if it did not
         self._ahead = ahead
         self._found: deque[Markers] = deque()
         self._task: BackgroundTask[None] | None = BackgroundTask(self._wind)

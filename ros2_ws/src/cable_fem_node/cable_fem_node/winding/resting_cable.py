@@ -113,9 +113,6 @@ class RestingCable:
     Args:
         radius: Of P0 [m].
         fading: How its tension fades; None for an elastic cable.
-
-    Attributes:
-        count: Number of nodes.
     """
 
     def __init__(self, radius: float, fading: Fading | None = None) -> None:

@@ -25,21 +25,14 @@ _FREE = 4  # Free nodes that the bending moment is followed over
 
 
 class WindingModel(ABC):
-    """A cable between the turning cylinder and the guide, advanced along the machine's motion.
+    """A cable between the turning cylinder and the guide, advanced along the machine's motion."""
 
-    Attributes:
-        config: The model.
-        time: [s]
-        step_limit: Longest step of integration [s].
-        element_steps: Elements times steps so far.
-    """
-
-    step_limit: float
+    step_limit: float  # Longest step of integration [s]
 
     def __init__(self, config: WindingConfig) -> None:
         self.config = config
-        self.time = 0.0
-        self.element_steps = 0
+        self.time = 0.0  # [s]
+        self.element_steps = 0  # Elements times steps so far
         self._initial_energy = 0.0
         self._ledger = np.zeros(LEDGER_SIZE)
         # Both ends of an advance; the model stands at the second one.

@@ -75,9 +75,6 @@ class LayerWatch:
 
     Args:
         wound: The drum as it is to be filled.
-
-    Attributes:
-        faults: What was found, in order.
     """
 
     def __init__(self, wound: WoundDrum) -> None:
@@ -93,7 +90,7 @@ class LayerWatch:
         self._onward = np.array([layer.direction for layer in wound.layers])[self._layers - 1]
         self._apart = self._onward * (wanted - np.roll(wanted, _PER_TURN))
         self._landed = self._next_edge = 0
-        self.faults: list[LayerFault] = []
+        self.faults: list[LayerFault] = []  # What was found, in order
 
     def layer_at(self, theta: float) -> Layer:
         """Return the layer that is planned at a wound angle [rad]."""

@@ -22,9 +22,6 @@ class LayOnLaw:
     """Cable lies down with the stretch of its tension, less EI l / (2 rho^2) for bending.
 
     The same closed form as `winding_core.lay.quasi_static`, as a table over the tension.
-
-    Attributes:
-        largest: Largest tension of the table [N].
     """
 
     def __init__(self, case: Case, law: MaterialLaw) -> None:
@@ -38,7 +35,7 @@ class LayOnLaw:
         self._force = force + bending
         self._stretch = stretch
         self._radius = radius
-        self.largest = float(self._force[-1])
+        self.largest = float(self._force[-1])  # Largest tension of the table [N]
 
     def stretch(self, force: float | Array) -> Array:
         """Return the stretch of laid cable under tensions of the span [N], same shape."""

@@ -39,11 +39,7 @@ BAGS = (".mcap", ".db3", ".bag")
 
 
 class FrameSource:
-    """The frames of a recording, read once.
-
-    Attributes:
-        refused: How many pictures could not be read, by reason.
-    """
+    """The frames of a recording, read once."""
 
     def __init__(
         self, path: Path, *, fps: float | None = None, reader: PixelReader | None = None
@@ -61,7 +57,7 @@ class FrameSource:
         """
         if fps is not None and not (math.isfinite(fps) and fps > 0.0):
             raise RecordingError(f"the frame rate must be positive and finite, got {fps:g}")
-        self.refused: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()  # How many pictures could not be read, by reason
         self._path = path
         self._fps = fps
         self._reader = reader or PixelReader()

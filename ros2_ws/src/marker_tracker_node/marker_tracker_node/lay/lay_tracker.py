@@ -43,19 +43,15 @@ class LayTracker:
 
     A row of the picture is measured again when the cylinder has turned by `LayConfig.step`, so the
     work is bounded by turning, not by frames.
-
-    Attributes:
-        config: Machine and limits.
-        span: The free span as it was seen last, None before that.
-        anchored: Whether the camera's pose was turned until P0 stood where it must, which is then
-            known better than by `LayConfig.belief`.
     """
 
     def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
         """Start a run."""
-        self.config = config
+        self.config = config  # Machine and limits
         self._machine = config.machine
-        self.span: FreeSpan | None = None
+        self.span: FreeSpan | None = None  # The free span as it was seen last, None before that
+        # Whether the camera's pose was turned until P0 stood where it must, which is then known
+        # better than by `LayConfig.belief`.
         self.anchored = False
         self._shape = camera.shape
         self._wound, self._free = choose_rows(

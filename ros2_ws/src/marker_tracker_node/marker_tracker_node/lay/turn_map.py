@@ -34,14 +34,10 @@ class Places(NamedTuple):
 
 
 class TurnMap:
-    """Where every part of the wound cable was seen, with room for more of it.
-
-    Attributes:
-        places: By wound angle.
-    """
+    """Where every part of the wound cable was seen, with room for more of it."""
 
     def __init__(self) -> None:
-        self.places = _room(16 * PLACES_PER_TURN)
+        self.places = _room(16 * PLACES_PER_TURN)  # By wound angle
 
     @staticmethod
     def place_of(theta: float) -> int:

@@ -53,18 +53,14 @@ class FrameTracker(Protocol):
 
 
 class CameraPort:
-    """What a camera in the tracker's process hands its frames to, from any one thread.
-
-    Attributes:
-        context: Of rclpy, for nodes of the camera's own.
-    """
+    """What a camera in the tracker's process hands its frames to, from any one thread."""
 
     def __init__(self, node: FrameTracker) -> None:
         self._node = node
         self._info = b""
         self._next = -np.inf
         self._closed = False
-        self.context = node.context
+        self.context = node.context  # Of rclpy, for nodes of the camera's own
         self.fail = node.fail
 
     def close(self) -> None:

@@ -165,17 +165,13 @@ class Probe:
         client: A spinning node in the driver's namespace.
         camera: Whether the driver brings a camera.
         axes: Joints of the machine.
-
-    Attributes:
-        heard: By topic.
-        commanded: Whether the machine took commands when it was moved.
     """
 
     def __init__(self, client: AsyncClient, *, camera: bool, axes: MachineAxes) -> None:
         self._client = client
         self._camera = camera
         self._axes = axes
-        self.commanded = False
+        self.commanded = False  # Whether the machine took commands when it was moved
         self._joints: list[tuple[str, ...]] = []
         read = JointStateReader(axes)
 
@@ -198,7 +194,7 @@ class Probe:
                 topics.IMAGE: lambda message: (decode_image(message)[0], ()),
                 topics.CAMERA_INFO: lambda message: (decode_camera_info(message)[0], ()),
             }
-        self.heard = {topic.name: Heard() for topic in wanted}
+        self.heard = {topic.name: Heard() for topic in wanted}  # By topic
         self._topics = tuple(wanted)
         for topic, decode in wanted.items():
             topic.subscribe(client.node, self._note(topic.name, decode))

@@ -67,9 +67,6 @@ class Goals:
         folder: Gets a folder for every goal.
         clock: Time since the epoch [ns].
         record: Whether every run is recorded, into `bag` in its folder.
-
-    Attributes:
-        goal: The newest; None before the first.
     """
 
     def __init__(
@@ -80,7 +77,7 @@ class Goals:
         *,
         record: bool = False,
     ) -> None:
-        self.goal: Goal | None = None
+        self.goal: Goal | None = None  # The newest; None before the first
         self._command = list(command)
         self._folder = folder
         self._clock = clock

@@ -57,20 +57,16 @@ class RunDelivery:
     Args:
         config: Of the command.
         origin: Of a run that begins with the command.
-
-    Attributes:
-        directory: The command's folder.
-        result: What the newest run left; None before one was delivered.
-        outcome: How it came out; None where nothing was wound.
     """
 
     def __init__(self, config: RunConfig, origin: Origin) -> None:
+        # What the newest run left; None before one was delivered.
         self.result: RunResult | None = None
-        self.outcome: RunOutcome | None = None
+        self.outcome: RunOutcome | None = None  # How it came out; None where nothing was wound
         self._config, self._spec = config, config.spec
         self._origin = origin
         self._operated = config.page is not None
-        self.directory = config.directory
+        self.directory = config.directory  # The command's folder
         self._count = 0
         self._flaws: list[str] = []
 

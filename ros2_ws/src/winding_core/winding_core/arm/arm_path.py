@@ -31,17 +31,13 @@ class ArmPath:
         radius: Of the centre line of cable on the cylinder [m].
         free_length: Where the file gives none [m].
 
-    Attributes:
-        arm: Its kinematics.
-        start: Joint positions with the eye beside P0 [rad or m], shape (joints,).
-
     Raises:
         ArmError: The description cannot be used, or the arm does not reach the start.
     """
 
     def __init__(self, mapping: ArmMapping, radius: float, free_length: float) -> None:
         guide, path = mapping.guide, mapping.path
-        self.arm = Arm(Path(guide.urdf), guide.base, guide.tip)
+        self.arm = Arm(Path(guide.urdf), guide.base, guide.tip)  # Its kinematics
         names = [joint.name for joint in self.arm.joints]
         if len(path.home_rad) != len(names):
             raise ArmError(
@@ -55,6 +51,7 @@ class ArmPath:
         self._radius, self._free_length = radius, free_length
         home = np.array(path.home_rad, dtype=float)
         self._turn = self.arm.tip(home).rotation
+        # Joint positions with the eye beside P0 [rad or m], shape (joints,).
         self.start = self.arm.solved(self.tip_at(0.0), home)
 
     @property

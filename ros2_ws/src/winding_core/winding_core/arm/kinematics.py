@@ -30,9 +30,6 @@ class Arm:
         base: Link that poses are given in.
         tip: Link that carries the guide.
 
-    Attributes:
-        joints: Those that move between base and tip.
-
     Raises:
         ArmError: The file is no URDF, a link is missing, or a joint has more than one axis.
     """
@@ -47,6 +44,7 @@ class Arm:
         self._base, self._tip = self._link(base), self._link(tip)
         chain = self._chain(tip)
         behind = set(self._chain(base))
+        # Those that move between base and tip.
         self.joints = tuple(self._joint(k) for k in chain if k not in behind)
         if not self.joints:
             raise ArmError(f"no joint moves {tip} in {base}")

@@ -132,21 +132,15 @@ class CommandedAxis:
         limits: What may be asked of it.
         position: Where it is taken over [rad or m].
         speed: Its speed then [rad/s or m/s].
-
-    Attributes:
-        position: Setpoint [rad or m].
-        speed: Its rate [rad/s or m/s].
-        acceleration: The rate of that [rad/s^2 or m/s^2].
-        aim: What it is after.
-        at_end: Whether a commanded speed leads out of its travel, so that it has to brake.
     """
 
     def __init__(self, limits: MotionLimits, position: float, speed: float) -> None:
         self.limits = limits
-        self.position = position
-        self.speed = speed
-        self.acceleration = 0.0
-        self.aim: Aim = Target(target=HOLD, stamp=0.0, heard=0.0)
+        self.position = position  # Setpoint [rad or m]
+        self.speed = speed  # Its rate [rad/s or m/s]
+        self.acceleration = 0.0  # The rate of that [rad/s^2 or m/s^2]
+        self.aim: Aim = Target(target=HOLD, stamp=0.0, heard=0.0)  # What it is after
+        # Whether a commanded speed leads out of its travel, so that it has to brake.
         self.at_end = False
 
     def advance(self, t: float, dt: float) -> None:

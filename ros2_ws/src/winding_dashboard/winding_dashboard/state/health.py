@@ -49,18 +49,14 @@ class Health:
 
     Args:
         nodes: Names of the nodes that are shown from the start, in order.
-
-    Attributes:
-        first_heard: Wall time of the first report [s]; inf before any.
-        lifecycle: State of each node that answers, by name.
     """
 
     def __init__(self, nodes: Sequence[str]) -> None:
         self._expected = tuple(nodes)
         self._reports: dict[str, dict[str, Status]] = {}
         self._heard: dict[str, float] = {}
-        self.first_heard = float("inf")
-        self.lifecycle: dict[str, str] = {}
+        self.first_heard = float("inf")  # Wall time of the first report [s]; inf before any
+        self.lifecycle: dict[str, str] = {}  # State of each node that answers, by name
 
     @property
     def last_heard(self) -> float:

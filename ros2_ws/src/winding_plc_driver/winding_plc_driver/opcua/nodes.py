@@ -19,11 +19,7 @@ STATE, READ, WRITE = "state", "read of heartbeat", "write of heartbeat"
 
 
 class Nodes:
-    """Node ids and types by title.
-
-    Attributes:
-        watched: Titles of the variables to subscribe to.
-    """
+    """Node ids and types by title."""
 
     def __init__(self, mapping: MachineMapping) -> None:
         self._numbers = {name: variable.node for name, variable in mapping.variables.items()}
@@ -37,6 +33,7 @@ class Nodes:
             written[f"command {name}"] = command.node
             self._methods[f"object of {name}"] = command.object
             self._methods[f"method of {name}"] = command.method
+        # Titles of the variables to subscribe to.
         self.watched = [title for title, text in (self._numbers | beside).items() if text]
         self._variables = {
             title: text for title, text in (self._numbers | beside | written).items() if text

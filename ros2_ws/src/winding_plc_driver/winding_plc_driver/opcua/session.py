@@ -34,13 +34,10 @@ class Subscription:
         server: Intervals, queue and waits.
         nodes: What is watched.
         timeout: After which the client gives a request up [s].
-
-    Attributes:
-        numbers: Order of the notifications.
     """
 
     def __init__(self, client: Client, server: Server, nodes: Nodes, timeout: float) -> None:
-        self.numbers = SequenceNumbers()
+        self.numbers = SequenceNumbers()  # Order of the notifications
         self._timeout = timeout
         self._client = client
         self._server = server

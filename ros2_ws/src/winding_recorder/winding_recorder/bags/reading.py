@@ -174,14 +174,10 @@ def read_notes(folder: Path) -> dict[str, str]:
 
 
 class Decoder:
-    """Deserialises messages by the definitions that a recording brings.
-
-    Attributes:
-        types: The typestore in use.
-    """
+    """Deserialises messages by the definitions that a recording brings."""
 
     def __init__(self) -> None:
-        self.types = get_typestore(Stores.ROS2_JAZZY)
+        self.types = get_typestore(Stores.ROS2_JAZZY)  # The typestore in use
 
     def learn(self, type_name: str, definition: str) -> None:
         """Take a type's definition, unless Jazzy has the type.

@@ -99,12 +99,6 @@ class BagSeries:
         full_names: Of each, by its name.
         config: How a bag is stored.
         notes: Texts about the run that a bag keeps, by name.
-
-    Attributes:
-        folders: Of all bags.
-        losses: What never arrived, of the topics that one node publishes, since a bag was begun.
-        refused: What arrived and could not be stored.
-        error: What ended a bag before the run, if anything did.
     """
 
     def __init__(
@@ -115,14 +109,15 @@ class BagSeries:
         notes: Mapping[str, str],
     ) -> None:
         self._notes: list[tuple[int, Mapping[str, str]]] = [(0, dict(notes))]
-        self.folders: list[Path] = []
+        self.folders: list[Path] = []  # Of all bags
+        # What never arrived, of the topics that one node publishes, since a bag was begun.
         self.losses = {
             topic.name: LossCount()
             for topic in recorded
             if topic.publisher not in (topics.EVERY_NODE, topics.COMMANDER)
         }
-        self.refused = Refusals()
-        self.error: Exception | None = None
+        self.refused = Refusals()  # What arrived and could not be stored
+        self.error: Exception | None = None  # What ended a bag before the run, if anything did
         self._recorded = tuple(recorded)
         self._full_names = full_names
         self._config = config

@@ -105,10 +105,6 @@ class Recorder:
             there is one already; None offers no service.
         on_demand: Topics that are taken only while a bag is being recorded.
 
-    Attributes:
-        buffer: What has come so far.
-        bags: What is recorded.
-
     Raises:
         RecorderError: The folder exists, or nothing can be written there.
     """
@@ -128,7 +124,7 @@ class Recorder:
         self._on_demand = tuple(topic for topic in on_demand if topic not in always)
         self._recorded = (*always, *self._on_demand)
         self._further = further
-        self.buffer = RunBuffer(self._recorded)
+        self.buffer = RunBuffer(self._recorded)  # What has come so far
         namespace = node.get_namespace()
         self._hardware_id = namespace
         self._node = Node(
@@ -138,6 +134,7 @@ class Recorder:
             enable_rosout=False,
             start_parameter_services=False,
         )
+        # What is recorded.
         self.bags = BagSeries(
             self._recorded,
             {

@@ -80,20 +80,16 @@ class Commander:
 
     Args:
         limits: What they may ask for.
-
-    Attributes:
-        axes: Axes that are under commands, by name; the others follow the drive programme.
-        brake: The brake, once it was commanded; before that a dead weight pulls.
-        refused: Count of refused commands.
-        refusal: Why the last one was refused; empty when the last one was taken.
     """
 
     def __init__(self, limits: CommandLimits) -> None:
         self.limits = limits
+        # Axes that are under commands, by name; the others follow the drive programme.
         self.axes: dict[str, CommandedAxis] = {}
+        # The brake, once it was commanded; before that a dead weight pulls.
         self.brake: Brake | None = None
-        self.refused = 0
-        self.refusal = ""
+        self.refused = 0  # Count of refused commands
+        self.refusal = ""  # Why the last one was refused; empty when the last one was taken
         self._limits = {item.name: item for item in (limits.cylinder, limits.carriage)}
 
     def take(

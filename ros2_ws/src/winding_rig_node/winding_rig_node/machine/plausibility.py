@@ -49,15 +49,11 @@ class AxisObservation:
 
 
 class Plausibility:
-    """Judges the sensors of the machine while it moves.
-
-    Attributes:
-        refused: Values that could not be, by sensor.
-    """
+    """Judges the sensors of the machine while it moves."""
 
     def __init__(self, config: PlausibilityConfig) -> None:
         self.config = config
-        self.refused: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()  # Values that could not be, by sensor
         self._accepted: dict[str, tuple[float, float]] = {}
         self._moved: dict[str, float] = {}
         self._left: dict[str, float] = {}  # Where it was then

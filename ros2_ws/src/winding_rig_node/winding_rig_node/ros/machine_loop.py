@@ -31,10 +31,6 @@ class MachineLoop:
     """Advances the machine as fast as the clock, the paced topics and the camera allow.
 
     Every method may be called from any thread.
-
-    Attributes:
-        machine: What is advanced.
-        pace: What the readers of its data have answered.
     """
 
     def __init__(
@@ -63,8 +59,8 @@ class MachineLoop:
             warn: Receives the sentence of a stop that was not requested.
             fail: Receives what ended a thread.
         """
-        self.machine = machine
-        self.pace = pace
+        self.machine = machine  # What is advanced
+        self.pace = pace  # What the readers of its data have answered
         self._wanted = wanted
         self._outputs = outputs
         self._camera = camera

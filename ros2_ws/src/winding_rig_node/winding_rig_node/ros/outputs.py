@@ -32,17 +32,13 @@ _MEASURED = tuple(
 
 
 class Outputs:
-    """Publications of the rig, topic by topic.
-
-    Attributes:
-        faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
-        exposed: Notes that the pixels of a frame are there.
-    """
+    """Publications of the rig, topic by topic."""
 
     def __init__(self, node: ManagedNode[Any]) -> None:
+        # What is wrong with the topics on purpose; a healthy topic costs nothing.
         self.faults = Faults()
         self._publish = node.endpoints.publish
-        self.exposed = node.endpoints.trace.exposed
+        self.exposed = node.endpoints.trace.exposed  # Notes that the pixels of a frame are there
         self._calibration: CameraReading | None = None
 
     def sample(self, machine: Machine) -> None:

@@ -31,10 +31,6 @@ from winding_ros.topic import Delivered, Topic
 class Endpoints:
     """What a managed node publishes and hears from `configure` to `cleanup`.
 
-    Attributes:
-        trace: What it notes of the way of a corrected length.
-        arrived_ns: When the input that is dealt with arrived, by the clock of this system [ns].
-
     Args:
         node: Whose endpoints.
         spec: Its declaration in the graph.
@@ -46,7 +42,8 @@ class Endpoints:
         self._node = node
         self._spec = spec
         self._heartbeat = heartbeat
-        self.trace = NodeTrace(node, spec.name)
+        self.trace = NodeTrace(node, spec.name)  # What it notes of the way of a corrected length
+        # When the input that is dealt with arrived, by the clock of this system [ns].
         self.arrived_ns = 0
         self._stop_request = StopRequest(node)
         self._publishers: dict[str, Publisher] = {}

@@ -71,10 +71,6 @@ class ExternalMachine(Machine):
         client: Calls its services.
         buffer: Has the messages of its driver.
         clock: Monotonic wall time [s].
-
-    Attributes:
-        axes: With the offsets of this run, once the machine was seen standing.
-        began: Stamp of its first motion [s]; None before.
     """
 
     name = topics.JOINT_STATES.name
@@ -89,8 +85,8 @@ class ExternalMachine(Machine):
     ) -> None:
         camera = (topics.CAMERA_INFO,) if config.camera else ()
         super().__init__(client, buffer, topics.JOINT_STATES, topics.TENSION, *camera)
-        self.axes = config.axes
-        self.began: float | None = None
+        self.axes = config.axes  # With the offsets of this run, once the machine was seen standing
+        self.began: float | None = None  # Stamp of its first motion [s]; None before
         self._config = config
         self._clock = clock
         self._reader = AxisReader(self.axes)

@@ -135,16 +135,11 @@ def opened_run(config: RunConfig) -> Iterator[Run]:
 
 
 class Run:
-    """A run, or a session of runs, whose domain and folder are its own.
-
-    Attributes:
-        config: Of the run; its directory is the folder that was made.
-        middleware: What is left to close when everything is written.
-    """
+    """A run, or a session of runs, whose domain and folder are its own."""
 
     def __init__(self, config: RunConfig) -> None:
-        self.config = config
-        self.middleware = ExitStack()
+        self.config = config  # Of the run; its directory is the folder that was made
+        self.middleware = ExitStack()  # What is left to close when everything is written
         self._log = EventLog(file=config.directory / "events.jsonl")
         self._recorder: Recorder | None = None
         self._session: Session | None = None

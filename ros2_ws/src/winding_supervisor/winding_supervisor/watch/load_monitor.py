@@ -17,16 +17,11 @@ _MEBIBYTE = 2.0**20
 
 
 class LoadMonitor:
-    """Measures what has come since the last look.
-
-    Attributes:
-        buffer: Messages of the graph so far.
-        lost_frames: Frames missing between those that came, since the beginning.
-    """
+    """Measures what has come since the last look."""
 
     def __init__(self, buffer: RunBuffer) -> None:
-        self.buffer = buffer
-        self.lost_frames = 0
+        self.buffer = buffer  # Messages of the graph so far
+        self.lost_frames = 0  # Frames missing between those that came, since the beginning
         self._seen: dict[str, int] = {
             name: messages.taken for name, messages in buffer.messages.items()
         }

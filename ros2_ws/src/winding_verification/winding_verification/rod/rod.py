@@ -70,10 +70,6 @@ class Rod(ExplicitModel):
         twist: Give every element a twist angle and material frames. Needed for torsion, for
             rods that are curved when unstressed, and for bending coupled with torsion.
         curved: With `twist`: the nodes' shape is the unstressed one; else a straight rod is.
-
-    Attributes:
-        viscosity: Of bending, with `twist` [s]: moments grow by EI times it times the rate of
-            curvature (Kelvin and Voigt).
     """
 
     def __init__(
@@ -126,6 +122,8 @@ class Rod(ExplicitModel):
             spin_free=np.concatenate([[0.0], np.ones(count), [0.0]]),
         )
         self._scratch = frames_along(walled)
+        # Of bending, with `twist` [s]: moments grow by EI times it times the rate of curvature
+        # (Kelvin and Voigt).
         self.viscosity = 0.0
         self._curved = curved
         if curved:
