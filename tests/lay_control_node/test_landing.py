@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from even_helix import EvenHelix
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.expected_landing import ExpectedLanding, expected_landings
-from lay_control_node.control.guide_law import WantedPoint
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.stretch_filter import (
     Progress,
@@ -28,19 +28,7 @@ SLOPE, BUILD_UP = 2.87e-3, 0.255
 STEP = 0.02
 
 
-class EvenHelix:
-    """An even helix."""
-
-    def at(self, theta: float) -> WantedPoint:
-        """Return what is wanted at a wound angle [rad]."""
-        return WantedPoint(z=SLOPE * theta, slope=SLOPE, curvature=0.0)
-
-    def slopes(self, theta: np.ndarray) -> np.ndarray:
-        """Return the same slope everywhere."""
-        return np.full(theta.shape, SLOPE)
-
-
-HELIX = EvenHelix()
+HELIX = EvenHelix(SLOPE)
 
 
 def wound(
