@@ -43,9 +43,6 @@ class SteadyMarkers:
     Frames of one marker share the camera's errors, so the mean keeps the deviation of a single
     frame. A marker that has slipped is left out for good: its place does not follow from how it
     was laid.
-
-    Args:
-        config: When a marker counts as measured.
     """
 
     def __init__(self, config: SteadyConfig | None = None) -> None:

@@ -58,12 +58,7 @@ def _lower_priority() -> None:
 
 
 class PredictionTask:
-    """Winds a run ahead in a thread of low priority; the owner collects its results.
-
-    Args:
-        ahead: What is left of it is wound.
-        begun: Time from which it predicts [s].
-    """
+    """Winds a run ahead in a thread of low priority; the owner collects its results."""
 
     def __init__(self, ahead: RunAhead, begun: float) -> None:
         self.begun = begun

@@ -75,12 +75,7 @@ class TrainingBox:
 
     @classmethod
     def around(cls, cells: Sequence[LengthCell], *, by_marker: bool = False) -> TrainingBox:
-        """Return the smallest box that holds the cells' conditions.
-
-        Args:
-            cells: The trained cells.
-            by_marker: Whether h depends on the marker.
-        """
+        """Return the smallest box that holds the cells' conditions."""
         weights = [0.25 * math.pi * c.cable_diameter**2 * c.tension for c in cells]
         return cls(
             cylinder_diameter=_range([c.cylinder_diameter for c in cells]),

@@ -72,9 +72,6 @@ class LayerWatch:
 
     It knows where the cable landed: as estimated while it lands, and as measured where it was seen
     as high as its layer lies. Only neighbours of one layer are compared.
-
-    Args:
-        wound: The drum as it is to be filled.
     """
 
     def __init__(self, wound: WoundDrum) -> None:

@@ -37,10 +37,6 @@ class Columns:
     def of(cls, names: Collection[str], where: str) -> Columns:
         """Choose among names of columns.
 
-        Args:
-            names: Of the columns that are there.
-            where: What has them, for a refusal.
-
         Raises:
             LayProgramError: One is unknown or missing, or one is there twice.
         """

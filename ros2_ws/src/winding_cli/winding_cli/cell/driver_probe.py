@@ -159,13 +159,7 @@ _RAMP_S = 3.0
 
 
 class Probe:
-    """One look at a driver through the graph's own decoders.
-
-    Args:
-        client: A spinning node in the driver's namespace.
-        camera: Whether the driver brings a camera.
-        axes: Joints of the machine.
-    """
+    """One look at a driver through the graph's own decoders."""
 
     def __init__(self, client: AsyncClient, *, camera: bool, axes: MachineAxes) -> None:
         self._client = client

@@ -52,12 +52,7 @@ _HOPS = (
 
 
 class RunDelivery:
-    """Delivers the runs of one command.
-
-    Args:
-        config: Of the command.
-        origin: Of a run that begins with the command.
-    """
+    """Delivers the runs of one command."""
 
     def __init__(self, config: RunConfig, origin: Origin) -> None:
         # What the newest run left; None before one was delivered.

@@ -44,11 +44,7 @@ def stands(reading: AxisReading) -> bool:
 
 
 class MotionStart(Generic[Item]):
-    """Holds readings back until the machine moves; from then on everything passes.
-
-    Args:
-        awaited: Whether the motion is awaited; otherwise everything passes.
-    """
+    """Holds readings back until the machine moves; from then on everything passes."""
 
     def __init__(self, *, awaited: bool) -> None:
         self._awaited = awaited

@@ -53,12 +53,6 @@ async def ask(client: Client, request: Any, answer_type: type, timeout: float) -
     The library waits by itself: asyncio.wait_for of Python 3.11 loses a cancellation that comes
     with the answer, and the driver would not end.
 
-    Args:
-        client: Connected.
-        request: Of a type of the standard.
-        answer_type: Type of its answer.
-        timeout: After which it is given up [s].
-
     Raises:
         UaError: The server refuses it.
         ConnectionError: The connection is lost.

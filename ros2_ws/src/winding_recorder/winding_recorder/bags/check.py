@@ -65,12 +65,7 @@ class Found:
 
 
 def contradictions(folder: Path, found: Mapping[str, Found]) -> list[str]:
-    """Return what metadata.yaml states otherwise than the files, one sentence each.
-
-    Args:
-        folder: The recording.
-        found: Its storage files by name, in order.
-    """
+    """Return what metadata.yaml states otherwise than the files, one sentence each."""
     try:
         return list(_contradictions(read_information(folder), found))
     except BagError as error:

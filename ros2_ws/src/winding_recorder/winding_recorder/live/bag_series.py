@@ -79,11 +79,7 @@ class RecorderError(BagError):
 
 
 def free_folder(first: Path) -> Path:
-    """Return the first of `bag`, `bag-2`, `bag-3` and so on that does not exist.
-
-    Args:
-        first: The one without a number.
-    """
+    """Return the first of `bag`, `bag-2`, `bag-3` and so on that does not exist."""
     candidate, count = first, 1
     while candidate.exists():
         count += 1

@@ -23,10 +23,6 @@ _LOOK_PERIOD = 0.05
 def refuse_rivals(node: Node, names: Iterable[str]) -> None:
     """Refuse topics that others publish.
 
-    Args:
-        node: Looks.
-        names: Of the topics, absolute.
-
     Raises:
         BagError: Another node publishes one.
     """

@@ -86,9 +86,6 @@ class VtkSeries:
     """A VTK file of each time, and the collection that ParaView opens as one series.
 
     Points carry arc length s [m], tension [N], strain, twist [rad/m] and roll [rad].
-
-    Args:
-        folder: Of the files, which is made.
     """
 
     def __init__(self, folder: Path) -> None:

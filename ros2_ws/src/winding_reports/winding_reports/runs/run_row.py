@@ -197,10 +197,6 @@ def compared(first: Path, second: Path) -> dict[str, Any]:
 
     Every number of the index is there, every marker, and of the condition what differs.
 
-    Args:
-        first: Its `run.json`.
-        second: Its `run.json`.
-
     Raises:
         ValueError: One of them cannot be read.
     """

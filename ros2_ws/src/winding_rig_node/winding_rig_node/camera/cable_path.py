@@ -176,9 +176,6 @@ class GrowingPath:
 
     It belongs to one thread. Beyond its ends it is level, as a `CablePath`.
 
-    Args:
-        lifted: Whether cable may lie on cable.
-
     Attributes:
         table: Its points with the bounds of blocks, for the renderer; until the next change.
     """

@@ -51,12 +51,6 @@ def write_sequence(
     Writes frame_000000.png and so on, frames.csv (file, t), motion.csv (t, cylinder_angle,
     guide_z), truth.csv (t, id, theta, z, column, row, area) and camera.yaml.
 
-    Args:
-        folder: Made if it does not exist.
-        renderer: Of the camera.
-        instants: Time [s] and scene of each frame.
-        rng: Source of the sensor's noise.
-
     Raises:
         OSError: A picture cannot be written.
     """

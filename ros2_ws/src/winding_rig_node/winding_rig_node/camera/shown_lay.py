@@ -55,12 +55,7 @@ class KnownLay:
 
 
 class GrowingLay:
-    """A lay that is wound as the machine goes, followed view by view.
-
-    Args:
-        first: Its first view.
-        lifted: Whether cable may lie on cable.
-    """
+    """A lay that is wound as the machine goes, followed view by view."""
 
     def __init__(self, first: LayView, *, lifted: bool = False) -> None:
         self._path = GrowingPath(lifted=lifted)

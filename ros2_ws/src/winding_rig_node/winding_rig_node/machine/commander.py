@@ -76,11 +76,7 @@ class Brake:
 
 
 class Commander:
-    """What commanders have asked for since the last start.
-
-    Args:
-        limits: What they may ask for.
-    """
+    """What commanders have asked for since the last start."""
 
     def __init__(self, limits: CommandLimits) -> None:
         self.limits = limits

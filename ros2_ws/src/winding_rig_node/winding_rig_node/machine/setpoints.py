@@ -12,13 +12,7 @@ _POSITION_GAIN = 8.0  # Speed that an axis under commands is given per way behin
 
 
 class Setpoints:
-    """Setpoints of both axes.
-
-    Args:
-        config: The machine.
-        state: Its state.
-        commander: Knows which axes are under commands.
-    """
+    """Setpoints of both axes."""
 
     def __init__(self, config: MachineConfig, state: MachineState, commander: Commander) -> None:
         self._config = config

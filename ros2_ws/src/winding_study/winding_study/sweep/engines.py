@@ -317,13 +317,7 @@ class Shard:
 def stored_results(
     store: RunStore, keys: Sequence[str], say: Callable[[str], None]
 ) -> dict[str, Arrays]:
-    """Return the results of the keys that are in a store.
-
-    Args:
-        store: The store.
-        keys: Runs to look up.
-        say: Called with one sentence for each damaged file.
-    """
+    """Return the results of the keys that are in a store."""
     found = {key: store.load(key, say) for key in dict.fromkeys(keys)}
     return {key: results for key, results in found.items() if results is not None}
 

@@ -64,14 +64,7 @@ class ExternalMachineConfig:
 
 
 class ExternalMachine(Machine):
-    """Reads a machine's encoders from the buffer of the run, and calls its driver's services.
-
-    Args:
-        config: What is known of it.
-        client: Calls its services.
-        buffer: Has the messages of its driver.
-        clock: Monotonic wall time [s].
-    """
+    """Reads a machine's encoders from the buffer of the run, and calls its driver's services."""
 
     name = topics.JOINT_STATES.name
     simulated = False

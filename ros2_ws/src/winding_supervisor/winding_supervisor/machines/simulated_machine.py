@@ -22,13 +22,7 @@ _SENSORS = (topics.CLOCK, topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INF
 
 
 class SimulatedMachine(Machine):
-    """The rig node of this graph; its axes begin at zero, in radians and metres.
-
-    Args:
-        client: Has the newest diagnostics; calls its services.
-        buffer: Has the newest encoder samples.
-        duration: Simulated length of its run [s].
-    """
+    """The rig node of this graph; its axes begin at zero, in radians and metres."""
 
     name = topics.RIG
     simulated = True

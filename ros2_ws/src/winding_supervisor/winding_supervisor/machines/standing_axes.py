@@ -30,12 +30,6 @@ async def standing_axes(
 ) -> MachineAxes:
     """Wait until a machine is heard and stands; return axes with their offsets there.
 
-    Args:
-        node: Knows the graph.
-        buffer: Has the messages of the driver.
-        axes: Joints, directions and units.
-        clock: Monotonic wall time [s].
-
     Raises:
         GraphError: No driver is heard, its joints have other names, or the machine moves.
     """

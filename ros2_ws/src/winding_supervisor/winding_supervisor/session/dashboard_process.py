@@ -197,12 +197,6 @@ async def outlive(
 ) -> None:
     """Keep the page of a failed session served, and its failure in the diagnostics.
 
-    Args:
-        failure: Why the session cannot go on.
-        page: That outlives it.
-        client: The orchestrator's node.
-        ended: Is set when the operator ends the session.
-
     Raises:
         GraphError: The page failed, too.
     """

@@ -35,12 +35,7 @@ _PUBLISHED = tuple(topic for topic in (*RIG.publishes, *FEM.publishes) if topic.
 
 
 class Completion:
-    """Tells when each node has processed a run's last sample.
-
-    Args:
-        end: Stamp of the run's end [s].
-        camera: Whether frames are tracked.
-    """
+    """Tells when each node has processed a run's last sample."""
 
     def __init__(self, end: float, *, camera: bool = True) -> None:
         self._end = end

@@ -156,10 +156,6 @@ class Rod(ExplicitModel):
     def turn(self, end: str, angle: float) -> None:
         """Turn the clamp of the "start" or "end" of a rod with `twist` about its direction.
 
-        Args:
-            end: Which one.
-            angle: From where it was clamped [rad].
-
         Raises:
             ValueError: The end is not clamped, or the rod has no twist.
         """
