@@ -1,7 +1,5 @@
 """What a start imports: the heavy libraries wait for those who use them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

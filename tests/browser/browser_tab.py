@@ -1,7 +1,5 @@
 """A page of a real browser, with what it complained about, and whether all of it fits."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """A cable whose stress fades: against the standard linear solid, at rest and integrated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 

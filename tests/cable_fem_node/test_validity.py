@@ -3,8 +3,6 @@
 Any cable on any cylinder: elements of the default length are short enough, or it is refused.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any

@@ -1,7 +1,5 @@
 """Cell files: the same run as from options or a goal; a wrong one is refused with its line."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import random

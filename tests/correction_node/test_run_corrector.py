@@ -1,7 +1,5 @@
 """A running correction: the weight first, then what the run itself has measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

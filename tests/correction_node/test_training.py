@@ -1,7 +1,5 @@
 """Training: networks, baselines, held-out errors, bounds, the command that writes weights."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys

@@ -1,7 +1,5 @@
 """Within a run: what the measured markers tell of the next, of its case and of its tension."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np

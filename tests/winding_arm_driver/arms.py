@@ -1,7 +1,5 @@
 """An arm of the tests by its Denavit-Hartenberg numbers, and the mapping of its machine."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Options: every parameter is one, help lists every command, and a wrong value is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import random

@@ -1,7 +1,5 @@
 """`winding plan`: what it writes, how it ends, how it refuses."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Errors of a measured lay and of lengths, and the limits that they are held against."""
 
-from __future__ import annotations
-
 import math
 from statistics import fmean
 

@@ -1,7 +1,5 @@
 """What cannot be is refused in one sentence with the value and the limit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial

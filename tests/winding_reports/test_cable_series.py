@@ -1,7 +1,5 @@
 """The cable over time as files, read back by readers that share no code with the writers."""
 
-from __future__ import annotations
-
 import base64
 import struct
 import zlib

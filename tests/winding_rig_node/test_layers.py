@@ -1,7 +1,5 @@
 """Cable on a drum rests on what lies below, climbs at the flange, and lands at its own radius."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """Commands that run in processes of their own, and the wait for what they do."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading

@@ -1,7 +1,5 @@
 """A commissioning run: sensitivities, what it narrows, what stays unknown, what it leaves."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path

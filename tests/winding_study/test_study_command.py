@@ -1,7 +1,5 @@
 """`winding study`: its record, its pictures and its options."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

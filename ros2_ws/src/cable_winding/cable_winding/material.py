@@ -1,7 +1,5 @@
 """Identify the material of a cable from its markers, or from a tensile test."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike

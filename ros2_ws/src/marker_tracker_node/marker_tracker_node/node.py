@@ -1,7 +1,5 @@
 """ROS adapter of the tracker: frames and encoder in, measured markers out."""
 
-from __future__ import annotations
-
 import threading
 import traceback
 from contextlib import ExitStack

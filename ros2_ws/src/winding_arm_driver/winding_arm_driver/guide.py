@@ -1,7 +1,5 @@
 """What the arm reports becomes the guide's place; what is wanted of the guide leads the arm."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path

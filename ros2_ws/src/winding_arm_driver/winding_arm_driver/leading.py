@@ -1,7 +1,5 @@
 """How the guide is led along the axis: after a target, within its limits and those of the arm."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -1,7 +1,5 @@
 """ROS side of the driver: cylinder, arm and targets in; joint states and commands out."""
 
-from __future__ import annotations
-
 import importlib
 import time
 from collections import Counter

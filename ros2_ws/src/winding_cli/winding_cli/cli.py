@@ -1,7 +1,5 @@
 """The `winding` command: signals are watched before anything heavy is imported."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys

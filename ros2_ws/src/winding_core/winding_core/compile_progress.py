@@ -1,7 +1,5 @@
 """Which kernels a process compiles, for whoever waits for it; nothing of the compiler's is here."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Whether the corrected lengths of a run are good enough, and whether the correction helped."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

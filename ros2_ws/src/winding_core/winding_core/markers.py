@@ -1,7 +1,5 @@
 """Markers: their records, what they look like, and where the first one stands."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntFlag

@@ -1,7 +1,5 @@
 """Parameters declared once: dataclass fields that carry type, default, range and meaning."""
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import math

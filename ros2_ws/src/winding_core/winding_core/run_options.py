@@ -1,7 +1,5 @@
 """Options of a run that several nodes and commands share, each record declared once."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """YAML that a person gave, read so that no text can do more than be refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import yaml

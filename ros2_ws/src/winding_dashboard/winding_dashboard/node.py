@@ -1,7 +1,5 @@
 """ROS adapter of the operator's page: one thread spins for answers, looks come on request."""
 
-from __future__ import annotations
-
 import math
 import os
 import threading

@@ -1,7 +1,5 @@
 """ROS side of the driver: the topics and services of a machine, and nothing else."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

@@ -1,7 +1,5 @@
 """ROS adapter of the rig: sensors and clock out, start and stop in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Which process of a run may publish, hear, ask for and serve what, as data and as SROS2 policy."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

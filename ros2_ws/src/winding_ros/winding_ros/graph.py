@@ -1,7 +1,5 @@
 """The graph as data: which nodes there are, what they publish, and who listens."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import dataclass, replace
 from enum import Enum

@@ -1,7 +1,5 @@
 """Every topic of the graph, declared once: name, type, rate, publisher, recorded, content."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

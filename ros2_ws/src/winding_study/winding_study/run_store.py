@@ -9,8 +9,6 @@ numbers and text only, under keys that every machine computes alike. A key holds
 sources that a prediction may use, so a changed solver finds none of the runs of another.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json

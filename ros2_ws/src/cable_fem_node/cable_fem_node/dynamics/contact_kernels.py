@@ -3,8 +3,6 @@
 Penalty, Coulomb, stick with memory.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

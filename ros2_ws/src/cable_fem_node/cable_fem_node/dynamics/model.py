@@ -3,8 +3,6 @@
 Rods and solids share it; what differs is where the internal forces come from.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence

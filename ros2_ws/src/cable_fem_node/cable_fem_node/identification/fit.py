@@ -1,7 +1,5 @@
 """Where the search ends, the test of its residuals, and how well the parameters are known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The material of the run that is being wound: when to identify it, and what follows from it."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass

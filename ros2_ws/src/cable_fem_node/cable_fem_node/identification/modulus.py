@@ -1,7 +1,5 @@
 """The effective Young's modulus of a cable from where its markers lie."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Closed-form lay of a sticking cable along measured inputs: the cheap stand-in of the rod."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

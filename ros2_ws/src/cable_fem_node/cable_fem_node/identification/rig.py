@@ -1,7 +1,5 @@
 """A winding rig as an identification sees it: its numbers, their priors, where a search moves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """From a stream of tracked frames to markers that have landed and stand still."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -9,8 +9,6 @@ Arrays: positions and forces (3, nodes); per element: reference length, tangent 
 inverse length, tension.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Work beside the node's own thread, at a lower priority: any task, a run wound ahead."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading

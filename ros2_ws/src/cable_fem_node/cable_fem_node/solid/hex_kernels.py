@@ -1,7 +1,5 @@
 """One-point hexahedra (C3D8R): total Lagrangian forces, hourglass control, explicit steps."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

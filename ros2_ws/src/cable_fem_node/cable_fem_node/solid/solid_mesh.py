@@ -1,7 +1,5 @@
 """Meshes of hexahedra: a round bar with a butterfly section, and a block."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

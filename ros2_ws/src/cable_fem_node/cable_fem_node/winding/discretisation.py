@@ -1,7 +1,5 @@
 """What the length of the elements costs a prediction, from winding it again with half of it."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

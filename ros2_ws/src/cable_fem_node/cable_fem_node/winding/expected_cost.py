@@ -1,7 +1,5 @@
 """Processor time that winding a run will take, estimated before it begins."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Winding a whole run ahead of time: where every marker ends up and how much cable is used."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What is known of the rig that winds before a marker has landed; no kernel is loaded for it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """The rod's nodes in two parts: those that rest on the cylinder, and those that are integrated."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Lab frame: cylinder axis +z, contact line at azimuth zero, the span comes from t
 plane x = R + r; P0 stands at azimuth Theta, z = 0.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

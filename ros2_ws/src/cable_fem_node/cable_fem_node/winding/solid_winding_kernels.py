@@ -1,7 +1,5 @@
 """Steps of a solid cable between the turning cylinder, the guide's eye and the dead weight."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

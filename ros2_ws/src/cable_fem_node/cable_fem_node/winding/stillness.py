@@ -1,7 +1,5 @@
 """Whether laid cable lies still, so that it may rest."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cable_fem_node.dynamics.state import FloatArray

@@ -1,7 +1,5 @@
 """Whether the model can be right about a winding: what is checked before anything is wound."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What the rod and the solid have in common when they are wound: motion, markers, energies."""
 
-from __future__ import annotations
-
 import copy
 import math
 from abc import ABC, abstractmethod

@@ -1,7 +1,5 @@
 """The surface that the next turns lie on: cable on the cylinder, by its place there."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Corrects the prediction of a running machine: by the learned factor, then by what it measures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Within a run: where the next markers will lie, from those that have been measured."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

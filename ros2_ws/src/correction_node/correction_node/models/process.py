@@ -1,7 +1,5 @@
 """A Gaussian process in plain NumPy: what physics leaves over, and how well that is known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Self

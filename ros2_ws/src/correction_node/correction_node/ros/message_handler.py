@@ -1,7 +1,5 @@
 """Predicted and measured markers in, corrected lengths and the resembling case out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The whole way from measured cells to a factor with its card: learn, hold out, compare, bound."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace

@@ -1,7 +1,5 @@
 """Learns h from measured lengths: networks (Eq. 5), the rig, a process."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

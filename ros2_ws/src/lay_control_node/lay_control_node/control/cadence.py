@@ -1,7 +1,5 @@
 """How far apart the commands of a motion are planned and leave, and whether that is too far."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 # A machine that waits half a second for a command has to hear of a gap before it stops [s].

@@ -1,7 +1,5 @@
 """Parameters of the controller, and the controller that follows from them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Where markers will land under control, and how well that is known before the run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

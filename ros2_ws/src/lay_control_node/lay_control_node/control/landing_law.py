@@ -1,7 +1,5 @@
 """The pull under which the next markers land where they are wanted."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

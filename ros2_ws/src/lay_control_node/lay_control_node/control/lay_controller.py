@@ -1,7 +1,5 @@
 """The controller of the lay: what has landed, what is wanted, and what is commanded for it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """Where the cable lands now: a Kalman filter over the wound angle, fed by what the camera saw."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

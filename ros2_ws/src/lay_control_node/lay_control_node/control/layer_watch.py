@@ -1,7 +1,5 @@
 """What is wrong with the layers on a drum: gaps, climbs and turns that are missing at an edge."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum

@@ -1,7 +1,5 @@
 """How much of the pull at the guide reaches the cylinder, from where markers have landed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

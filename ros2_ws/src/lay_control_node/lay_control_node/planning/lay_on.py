@@ -1,7 +1,5 @@
 """How much undeformed cable lies on a radian of the cylinder under a tension or a pull."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

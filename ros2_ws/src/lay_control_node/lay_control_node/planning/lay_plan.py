@@ -1,7 +1,5 @@
 """A planned run: motion and pull over time, what will lie where, and its table for a PLC."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

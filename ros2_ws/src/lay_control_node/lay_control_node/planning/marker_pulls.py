@@ -1,7 +1,5 @@
 """Which pull lands marker n at its angle: more pull, more stretch, less cable per angle, later."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """From a program to the machine's motion: path, rounding, motion, lay, pulls, in this order."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

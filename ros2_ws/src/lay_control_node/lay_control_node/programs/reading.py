@@ -1,7 +1,5 @@
 """Which reader takes a program file: by its suffix, on its text."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

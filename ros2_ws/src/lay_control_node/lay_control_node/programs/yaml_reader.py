@@ -1,7 +1,5 @@
 """Lay programs as YAML: points, pieces in words, pull and markers."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping

@@ -1,7 +1,5 @@
 """Machine, markers, lay and solver in; what is commanded of guide and brake out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Intrinsic calibration from photographs of a board, and the standard camera file."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

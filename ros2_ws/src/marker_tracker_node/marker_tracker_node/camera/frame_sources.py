@@ -1,7 +1,5 @@
 """Recorded frames with their times: folders of pictures, video files, and bags of any topics."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections import Counter

@@ -1,7 +1,5 @@
 """Pixels as a camera delivers them, read into blue, green and red, and written as it does."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ cable's centre line: it behaves like a point at R + 1.6 r. Projected at R + r it
 by 37 to 167 mrad on a 30 mm cylinder.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ known. What is unknown then counts as the outline has it, so that the centre is 
 the part that is seen.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

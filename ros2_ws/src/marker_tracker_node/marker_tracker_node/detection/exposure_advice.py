@@ -4,8 +4,6 @@ Grey levels are taken to be proportional to light: a camera that bends them (gam
 change than is advised, in the same direction.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Gates, in which marks are sought in a picture: their pixels, and what comes of looking."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

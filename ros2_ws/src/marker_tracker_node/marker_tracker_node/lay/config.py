@@ -1,7 +1,5 @@
 """What is needed to measure a lay."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple

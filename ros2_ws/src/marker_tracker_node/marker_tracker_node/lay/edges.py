@@ -5,8 +5,6 @@ cable falls like the root of the distance; beside the cable it is even. Where ne
 sides fall. A least-squares fit of all four numbers of the two sides places an edge.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The free span: its angle, where it lands, and how long it is."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The lay beside the markers: what the tracker's frames and angles say of every turn."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The whole lay of a run: frames in, every turn out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What is known of a lay: its turns place by place, and where something is wrong with them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """One row of a picture: the turns of cable that it shows, with where each of them lies."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

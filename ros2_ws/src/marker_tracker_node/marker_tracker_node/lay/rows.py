@@ -6,8 +6,6 @@ distance r from its centre, and beta is their angle from the plane across the ax
 through the centre lines is where edges are measured.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple

@@ -5,8 +5,6 @@ of a turn that others lie on, a part is seen. What is none of this is bare. The 
 the greatest score is found over all choices of edges, by dynamic programming.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

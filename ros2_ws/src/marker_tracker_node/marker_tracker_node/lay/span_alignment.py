@@ -4,8 +4,6 @@ All rows show the same cable in the same light. Where each of them stands agains
 is known better than any edge, whose fit errs with the place of the edge within its pixel.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where every part of the wound cable was seen to lie, by its wound angle."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -5,8 +5,6 @@ shows one. `python -m marker_tracker_node --camera my_camera:open_camera --ros-a
 `winding run --machine external --compose my_camera:open_camera`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, Protocol

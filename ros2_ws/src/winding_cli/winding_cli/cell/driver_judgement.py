@@ -1,7 +1,5 @@
 """What a machine's driver must provide, judged on what it published: no ROS in here."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 

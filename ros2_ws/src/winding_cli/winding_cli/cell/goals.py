@@ -1,7 +1,5 @@
 """Goals of a cell controller, one after the other: each is a run of its own process. No ROS."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal

@@ -1,7 +1,5 @@
 """`winding bag`: look into recordings, check, recover, play, replay and export them."""
 
-from __future__ import annotations
-
 import select
 import sys
 import threading

@@ -1,7 +1,5 @@
 """`winding serve`: take runs as goals from a cell controller."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Mapping

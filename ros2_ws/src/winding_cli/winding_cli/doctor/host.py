@@ -1,7 +1,5 @@
 """Clocks, disk, processors, memory and limits of the machine."""
 
-from __future__ import annotations
-
 import os
 import tempfile
 from collections.abc import Callable, Iterable

@@ -3,8 +3,6 @@
 As a program it imports the modules that its arguments name: an import may end its process.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import subprocess

@@ -1,7 +1,5 @@
 """A film as a camera's driver publishes it: what is due when, and which frames were late."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import deque

@@ -1,7 +1,5 @@
 """From the buffer of a run to what became of its wanted lay."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace

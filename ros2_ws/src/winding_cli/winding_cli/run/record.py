@@ -1,7 +1,5 @@
 """From the buffer of a run to the numbers of its report and its table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 from operator import attrgetter

@@ -1,7 +1,5 @@
 """The run that was just wound as an identification takes it: motion, pull, markers at the end."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The way on which the simulated machine's arm carries the guide, and what forbids it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 

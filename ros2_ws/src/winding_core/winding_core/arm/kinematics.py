@@ -1,7 +1,5 @@
 """Kinematics of the arm from its URDF, by Pinocchio: where the guide is, and how it is led."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What is wound, and how: the one record that nodes, commands, sweeps and the page share."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The drum as options: flanges, grooves, and the turns that fill it between them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

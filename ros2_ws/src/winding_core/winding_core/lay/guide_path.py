@@ -1,7 +1,5 @@
 """The law of the lag: where the guide must stand for a lay, and where a sticking cable lands."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Layers of cable on a drum: how far apart they lie, how much cable they take, what it weighs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What the machine can do, as a plan has to keep it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Quasi-static lay-on: where a sticking cable lies under any span tension, without a solver."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

@@ -3,8 +3,6 @@
 One structured dtype each for topic, files and programs.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum, IntFlag
 
 import numpy as np

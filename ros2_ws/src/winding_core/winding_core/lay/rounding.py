@@ -1,7 +1,5 @@
 """How widely a path's corners must be rounded for the carriage to follow, and by how much."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self

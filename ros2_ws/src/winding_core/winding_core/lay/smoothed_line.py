@@ -6,8 +6,6 @@ kernel's knots, it reaches 2 h to either side). Everything up to the third deriv
 known in closed form.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What an outside commander asks of the machine: targets, a trajectory, a tension."""
 
-from __future__ import annotations
-
 import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Drive programmes: speed ramps of both axes, with or without a turning point."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The drum: the cylinder between its flanges, with or without grooves."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

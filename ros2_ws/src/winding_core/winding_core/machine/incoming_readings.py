@@ -1,7 +1,5 @@
 """Readings as they arrive: where a run begins, which tension belongs to each, which are refused."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass

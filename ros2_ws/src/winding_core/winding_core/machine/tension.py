@@ -1,7 +1,5 @@
 """Tension of the span: laws of the load on the cable, and their least-squares fit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass

@@ -1,7 +1,5 @@
 """Time as a watch counts it that may be held itself."""
 
-from __future__ import annotations
-
 _LONGEST_LOOK = 0.2  # Between two looks no more time counts than this [s]
 
 

@@ -4,8 +4,6 @@ A parallel projection drawn from behind to the front: it needs no WebGL, and the
 is behind it.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass

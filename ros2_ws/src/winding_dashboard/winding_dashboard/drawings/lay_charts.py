@@ -1,7 +1,5 @@
 """Charts of the lay over turns: against the helix of the drive, or against the wanted lay."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,7 +1,5 @@
 """A chart of curves and dots over one axis, as the inside of an SVG element."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

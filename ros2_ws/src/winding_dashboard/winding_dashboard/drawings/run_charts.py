@@ -1,7 +1,5 @@
 """The charts of the last minute: speeds against setpoints, tension, a marker's curve length."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Conditions that operators keep: cell files in a folder, which `winding run` winds as well."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

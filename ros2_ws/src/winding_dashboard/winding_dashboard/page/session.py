@@ -3,8 +3,6 @@
 All browsers share it, so that a page that is loaded anew shows what the others show.
 """
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace

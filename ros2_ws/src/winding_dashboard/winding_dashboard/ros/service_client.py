@@ -1,7 +1,5 @@
 """Calls the graph's services for the page: the rig's commands, lifecycles, parameters."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager

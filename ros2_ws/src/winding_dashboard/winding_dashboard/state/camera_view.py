@@ -1,7 +1,5 @@
 """Where lab points appear in the camera's picture: a plumb_bob camera with a known pose."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

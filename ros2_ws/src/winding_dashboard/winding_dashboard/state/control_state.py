@@ -1,7 +1,5 @@
 """What the controller of the lay reports and its wanted line, as the page keeps them."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import deque

@@ -1,7 +1,5 @@
 """Health of the graph's nodes: diagnostics, lifecycle state, and the recorder's report."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The table of markers: predicted, corrected and measured curve lengths side by side."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

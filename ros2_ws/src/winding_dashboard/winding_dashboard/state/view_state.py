@@ -4,8 +4,6 @@ A reader decodes messages and calls the `note_*` methods with times of the machi
 `tick` then makes one sample of the charts. Everything is bounded.
 """
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections import deque

@@ -1,7 +1,5 @@
 """The link to the PLC: up or lost, since when, when to try again, and both heartbeats."""
 
-from __future__ import annotations
-
 from winding_plc_driver.machine.mapping import EMERGENCY_STOP, QUICK_STOP, STOP, Heartbeat, Server
 
 _COUNTER = 2**15  # Fits the smallest counter that a PLC has for it

@@ -1,7 +1,5 @@
 """The mapping file: where a machine's values and commands are on its OPC UA server."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Mapping

@@ -1,7 +1,5 @@
 """Samples and measured values are passed on at a bearable pace."""
 
-from __future__ import annotations
-
 import heapq
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Values and notifications as the server sent them: in SI, each once, in order, losses counted."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

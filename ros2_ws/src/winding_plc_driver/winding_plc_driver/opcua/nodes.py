@@ -1,7 +1,5 @@
 """The mapping's nodes on a server: found, checked, and with the types of what is written."""
 
-from __future__ import annotations
-
 from asyncua import Client, ua
 
 from winding_plc_driver.machine.mapping import MachineMapping

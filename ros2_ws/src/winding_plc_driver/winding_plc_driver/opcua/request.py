@@ -1,7 +1,5 @@
 """One request and its answer, with a time limit of its own, and what can go wrong with it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

@@ -1,7 +1,5 @@
 """One session with the PLC's server, resumed with all that it queued when the link returns."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncGenerator, Sequence
 from datetime import UTC, datetime, timedelta

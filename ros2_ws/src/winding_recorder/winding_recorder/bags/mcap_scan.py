@@ -1,7 +1,5 @@
 """Go through an MCAP file record by record, however much of it there is."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator

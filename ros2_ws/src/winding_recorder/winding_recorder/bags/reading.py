@@ -1,7 +1,5 @@
 """Open recordings with rosbags; one sentence for each that cannot be read."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager

@@ -1,7 +1,5 @@
 """Make a readable recording out of MCAP files that were cut off or damaged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path

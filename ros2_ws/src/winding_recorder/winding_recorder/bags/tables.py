@@ -1,7 +1,5 @@
 """Messages of a recording as tables: one row per message, or per point of a cloud."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any

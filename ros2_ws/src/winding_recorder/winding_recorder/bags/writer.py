@@ -1,7 +1,5 @@
 """A rosbag2 folder that is being written."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The bags of one recorder, one after the other; each is whole once it is closed."""
 
-from __future__ import annotations
-
 import errno
 import os
 import threading

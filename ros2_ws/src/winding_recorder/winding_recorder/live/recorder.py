@@ -1,7 +1,5 @@
 """Record a run: every message raw, into a rosbag2 folder and into a buffer in memory."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

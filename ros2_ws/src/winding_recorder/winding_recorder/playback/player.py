@@ -1,7 +1,5 @@
 """Publish a recording again: the same bytes, the same rhythm."""
 
-from __future__ import annotations
-
 import importlib
 import threading
 import time

@@ -1,7 +1,5 @@
 """Publishers of a playback: alone on their topics, found by who listens, and heard to the end."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection, Iterable
 

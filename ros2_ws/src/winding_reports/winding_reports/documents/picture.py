@@ -1,7 +1,5 @@
 """How every picture of a report looks, and how it gets into one HTML file."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Iterator, Sequence

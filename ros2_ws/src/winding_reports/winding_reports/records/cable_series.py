@@ -1,7 +1,5 @@
 """The cable of a run over time, as files: pictures for ParaView, a table for everything else."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path

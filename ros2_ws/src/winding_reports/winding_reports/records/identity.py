@@ -1,7 +1,5 @@
 """Which run or study this was: when, where, with which versions, on what, from which inputs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What became of a wanted lay, beside a run without control, and how a drum was filled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

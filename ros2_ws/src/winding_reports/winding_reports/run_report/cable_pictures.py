@@ -1,7 +1,5 @@
 """Pictures of wound cables: of all cases, as the paper's Figure 9, and of one run."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The report's section on the lay of a controlled run: verdict, turns, layers, pictures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

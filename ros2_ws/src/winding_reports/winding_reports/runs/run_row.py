@@ -1,7 +1,5 @@
 """A run of a folder as a row of its index, and two runs side by side."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

@@ -13,8 +13,6 @@ Neumann et al. 1941), s^2 = sum (x_i - x_{i-1})^2 / (2 (m - 1)), with nu = 2 (m 
 degrees of freedom: a drift that goes on from the first run does not hide in its own scatter.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Quality over runs as one HTML page: what drifts, control charts, the newest runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Where the wound cable lies, with bounds for the renderer: known ahead, or growing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol

@@ -1,7 +1,5 @@
 """What never moves in the picture: cylinder with its flanges, and backdrop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass

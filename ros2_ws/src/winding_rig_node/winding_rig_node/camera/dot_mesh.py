@@ -1,7 +1,5 @@
 """Dots: squares printed on the outside of the cable, drawn onto the samples that show it."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

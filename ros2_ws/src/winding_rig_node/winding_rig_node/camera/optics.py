@@ -1,7 +1,5 @@
 """Pinhole with Brown-Conrady distortion, for points and for rays, and what its window can show."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

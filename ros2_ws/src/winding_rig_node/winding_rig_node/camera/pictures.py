@@ -1,7 +1,5 @@
 """How frames leave the camera: as a compressed preview, and as a sequence on disk with truth."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable
 from pathlib import Path

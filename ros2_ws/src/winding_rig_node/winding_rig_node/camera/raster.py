@@ -6,8 +6,6 @@ each row once, and a row of a facet lies between two such crossings. Elsewhere f
 triangles.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Renderer: a scene becomes the frame that the simulated camera delivers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

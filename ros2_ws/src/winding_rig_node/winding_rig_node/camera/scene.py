@@ -1,7 +1,5 @@
 """What stands before the camera: cylinder, cable, markers, guide, and what disturbs the picture."""
 
-from __future__ import annotations
-
 import colorsys
 import math
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """From radiance to grey levels: exposure, read and shot noise, eight bits."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """The lay as the camera sees it: one that is known ahead, or one that is wound as it goes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np

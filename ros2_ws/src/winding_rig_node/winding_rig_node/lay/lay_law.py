@@ -4,8 +4,6 @@ A law of its own is a class that fulfils `MotionLay`, in a module of its own, an
 `MOTION_LAYS`: it is then a value of the parameter and of the option `lay`.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol

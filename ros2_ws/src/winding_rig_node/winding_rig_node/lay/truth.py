@@ -1,7 +1,5 @@
 """The truth of a run as a JSON file, for evaluation after the run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

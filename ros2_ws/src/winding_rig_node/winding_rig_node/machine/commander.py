@@ -1,7 +1,5 @@
 """Takes commands for the axes and the brake, or refuses them in one sentence."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Faults that can be put into a signal on purpose, to see what the rest makes of them."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Collection, Mapping

@@ -1,7 +1,5 @@
 """The winding machine: two controlled axes, load cell, run phases; advanced by samples."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial

@@ -1,7 +1,5 @@
 """What the machine is: rates, axes, sensors and their limits; its state and the phases of a run."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum

@@ -1,7 +1,5 @@
 """Do readings fit the machine? Invalid ones are refused; a persistent misfit stops the machine."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What each axis is asked for: by the drive programme, or by an outside commander."""
 
-from __future__ import annotations
-
 from winding_core.machine.commanded_axis import CommandedAxis
 from winding_core.machine.commands import CARRIAGE, CYLINDER
 from winding_rig_node.machine.axis import AxisState

@@ -1,7 +1,5 @@
 """The rig's camera: takes exposures in a thread of its own, publishes pictures and calibration."""
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Callable
 from dataclasses import dataclass, replace

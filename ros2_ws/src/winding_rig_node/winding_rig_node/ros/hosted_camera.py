@@ -1,7 +1,5 @@
 """The simulated camera in the process that tracks its frames: `winding run --compose camera`."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """The machine in a thread of its own with absolute deadlines, and the camera in another."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

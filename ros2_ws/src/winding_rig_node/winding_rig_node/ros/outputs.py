@@ -1,7 +1,5 @@
 """What the rig publishes: encoded, with the faults that are put in on purpose, and its status."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any

@@ -1,7 +1,5 @@
 """Structured NumPy records as PointCloud2, and back; the centreline as a line strip."""
 
-from __future__ import annotations
-
 import struct
 from functools import cache
 from typing import NamedTuple

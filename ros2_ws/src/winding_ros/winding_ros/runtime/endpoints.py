@@ -1,7 +1,5 @@
 """Publishers, subscriptions and stop requests of a managed node: guarded, matched, contested."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext

@@ -9,8 +9,6 @@ meanwhile, with the interpreter's lock held, may wait for ever. The orchestrator
 publishers while the nodes leave, offers none: the machine's dead-man hears its messages.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from enum import Enum

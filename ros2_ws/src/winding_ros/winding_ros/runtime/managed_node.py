@@ -1,7 +1,5 @@
 """Managed (lifecycle) node of the graph: parameters, topics, diagnostics, safe transitions."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, TypeVar

@@ -1,7 +1,5 @@
 """A node's part of the trace: when it took, made and published what a corrected length needs."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 

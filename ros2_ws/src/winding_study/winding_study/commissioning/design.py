@@ -1,7 +1,5 @@
 """The most informative motion: expected information by sensitivities of the markers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

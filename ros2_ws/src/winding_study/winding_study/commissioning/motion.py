@@ -1,7 +1,5 @@
 """Motions that a machine can make within its limits, of which one commissions the cell."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Which cable of a library was wound, by where its markers lie."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from contextlib import suppress

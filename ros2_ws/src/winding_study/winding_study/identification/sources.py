@@ -1,7 +1,5 @@
 """Sources of an identification: tables of markers, a tensile test, rows of a recorded run."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Mapping, Sequence

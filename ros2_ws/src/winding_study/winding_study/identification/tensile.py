@@ -1,7 +1,5 @@
 """Laws fitted to a tensile test: nominal stress over nominal strain."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A case wound to its end: as a record, as arrays, and beside the experiment by marker."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from statistics import fmean

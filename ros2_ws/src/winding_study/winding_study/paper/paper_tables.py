@@ -1,7 +1,5 @@
 """Tables 2 to 8 of the paper beside this project's numbers, and the study's own tables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 

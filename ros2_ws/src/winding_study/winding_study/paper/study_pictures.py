@@ -1,7 +1,5 @@
 """Pictures of a study: lengths and errors as Tables 5 to 8, models of h, network, classifier."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise

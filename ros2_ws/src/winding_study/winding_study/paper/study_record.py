@@ -1,7 +1,5 @@
 """What a study found: the prediction beside the experiment, the models of h, the verdict."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace

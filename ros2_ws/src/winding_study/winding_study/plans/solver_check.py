@@ -1,7 +1,5 @@
 """A plan wound by the rod: where the cable lies by the solver, beside the lag law."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What a sweep varies: a YAML text becomes the options of every run, in order and with type."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import itertools

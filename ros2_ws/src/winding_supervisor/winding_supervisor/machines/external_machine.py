@@ -1,7 +1,5 @@
 """An external machine as its driver's topics and services show it, and where its axes stand."""
 
-from __future__ import annotations
-
 import asyncio
 import dataclasses
 import math

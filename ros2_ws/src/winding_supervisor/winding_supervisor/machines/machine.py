@@ -1,7 +1,5 @@
 """What a run asks of its machine, whoever drives it."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 

@@ -1,7 +1,5 @@
 """The simulated machine as its topics show it: time, phase, and whether its axes stand."""
 
-from __future__ import annotations
-
 from std_srvs.srv import Trigger
 
 from winding_core.machine.incoming_readings import stands

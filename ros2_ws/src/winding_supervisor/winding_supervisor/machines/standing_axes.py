@@ -1,7 +1,5 @@
 """Where an external machine stands before its run, or why no standing machine is seen."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Endpoints of the graph: has every publisher its subscribers, has a topic a second publisher?"""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable, Collection, Iterable

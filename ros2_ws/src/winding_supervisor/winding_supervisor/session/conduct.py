@@ -3,8 +3,6 @@
 Service orchestrator/next_run: an operator reports that the machine stands ready for another run.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any

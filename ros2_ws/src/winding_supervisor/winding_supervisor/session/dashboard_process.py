@@ -1,7 +1,5 @@
 """Keeps the operator's page served beside a run, and after its failure."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import time

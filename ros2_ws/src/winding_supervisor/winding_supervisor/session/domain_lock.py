@@ -1,7 +1,5 @@
 """One graph, and one server of goals, per DDS domain and namespace: a second one is refused."""
 
-from __future__ import annotations
-
 import fcntl
 import getpass
 import os

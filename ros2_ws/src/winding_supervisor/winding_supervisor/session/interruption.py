@@ -1,7 +1,5 @@
 """SIGINT and SIGTERM while an event loop runs: what is open is closed, whatever comes when."""
 
-from __future__ import annotations
-
 import asyncio
 import faulthandler
 import signal

@@ -1,7 +1,5 @@
 """Bring the machine to rest when a run is over, and stay at it until it is seen standing."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """From what a run is to what its graph is run with, and what is refused before it starts."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """A session of runs: each is waited for, followed, brought to rest, delivered; then the next."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import time

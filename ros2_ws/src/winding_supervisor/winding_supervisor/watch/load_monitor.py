@@ -1,7 +1,5 @@
 """How a running graph does: rates, latency from frame to corrected length, load of each process."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Do the machine's topics keep step with each other? Pure: stamps in, findings out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from statistics import median

@@ -4,8 +4,6 @@ The true cable is the rig's own lay or the explicit rod; what the tracker measur
 errors that were measured of the real one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """The twelve cases under hidden rigs, with the loop closed and open: where the markers land."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What `winding study --closed-loop` prints and writes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any

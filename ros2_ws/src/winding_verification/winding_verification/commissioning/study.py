@@ -4,8 +4,6 @@ A cell is drawn from the prior. The rod winds it with finer elements than the fi
 tension of the hidden machine; what a tracker would measure of it has the errors of `CameraErrors`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from dataclasses import dataclass

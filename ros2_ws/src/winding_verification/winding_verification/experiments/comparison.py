@@ -1,7 +1,5 @@
 """The experiments of cosseratbench in a folder: ours beside the figures that it published."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import partial

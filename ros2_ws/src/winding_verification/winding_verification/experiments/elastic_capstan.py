@@ -1,7 +1,5 @@
 """A stiff rod on a capstan: what it holds at one end over what it is pulled with at the other."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """DEFORM's cables: fitted on their training runs, judged by its loss on the held-out ones."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator, Sequence

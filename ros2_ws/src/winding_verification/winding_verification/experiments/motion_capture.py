@@ -5,8 +5,6 @@ lists (frames, 3, markers) of coordinates [m], z up, 100 frames a second. The fi
 two markers move with the grippers.
 """
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import dataclass
 from pathlib import Path

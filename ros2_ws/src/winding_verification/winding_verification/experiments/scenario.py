@@ -1,7 +1,5 @@
 """Scenarios of cosseratbench: what its folders describe, and a row of what is compared."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """The table of faults and the runs that a seed draws, one after the other, as `winding faults`."""
 
-from __future__ import annotations
-
 import json
 import random
 import re

@@ -1,7 +1,5 @@
 """A node from outside the graph, as a process: external_node.py NAMESPACE ROLE [WORDS]."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time

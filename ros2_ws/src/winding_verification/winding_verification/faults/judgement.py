@@ -1,7 +1,5 @@
 """Does the outcome of a run agree with what an observer saw, and with what was put in?"""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any

@@ -4,8 +4,6 @@ It shares no code with what it watches: it reads the encoders from DDS, and take
 positions. It prints `ready`, `moves` at the first motion, and its account after the line `ended`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys

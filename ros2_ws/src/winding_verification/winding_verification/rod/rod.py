@@ -1,7 +1,5 @@
 """General rod model: an open chain of extensible, bending (and twisting) elements."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

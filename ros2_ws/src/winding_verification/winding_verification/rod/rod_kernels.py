@@ -7,8 +7,6 @@ EI, one GJ. Curvature binormal at a node between tangents t, u: kb = 2 t x u / (
 circle of chords l has |kb| = 2 tan(phi / 2).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

@@ -4,8 +4,6 @@ Zero turning, steps of the tension, a guide that jumps: the same entry points, k
 constants as in a run, so that a wrong coefficient in them shows here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

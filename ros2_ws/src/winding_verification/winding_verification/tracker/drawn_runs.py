@@ -1,7 +1,5 @@
 """The estimator on sightings that are drawn from its own model, with one or two wrong numbers."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import time
