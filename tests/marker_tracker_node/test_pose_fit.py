@@ -217,7 +217,7 @@ def test_a_pose_wrong_by_its_belief_is_mended():
 
 
 def test_a_scale_corrected_beside_the_pose_turns_no_refined_marker():
-    # Some of the turned camera was taken for an encoder that is 0.03 % fast: 4.3 and 3.2 deviations.
+    # Some of the turn was taken for an encoder that is 0.03 % fast: 4.3 and 3.2 deviations.
     for film, tracker, fit in refined((8085, 8136)):
         assert tracker.report().remarks
         assert np.nanmax(np.abs(fit.theta - film.theta)[1:] / fit.sigma_theta[1:]) < 3.0
