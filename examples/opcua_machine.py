@@ -3,6 +3,7 @@
 import argparse
 import asyncio
 import logging
+import signal
 import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -114,6 +115,8 @@ if __name__ == "__main__":
     parser.add_argument("--key", type=Path)
     parser.add_argument("--record", type=Path, help="file for every value that is written")
     logging.getLogger("asyncua").setLevel(logging.CRITICAL)
+    # Whatever ends a PLC's process ends this one in order.
+    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
     try:
         asyncio.run(serve(parser.parse_args()))
     except KeyboardInterrupt:

@@ -103,7 +103,7 @@ def test_recordings_are_learned_from_like_runs(recorded_run: Any, tmp_path: Path
     for name in ("a", "b"):
         (tmp_path / name).symlink_to(recorded_run.bag)
     (tmp_path / "c.mcap").write_bytes(b"no recording")
-    with pytest.raises(ValueError, match="has 1 runs to learn from, 3 needed") as refusal:
+    with pytest.raises(ValueError, match="has 1 of 3 runs to learn from") as refusal:
         load_own_runs(tmp_path, recorded_numbers)
     assert "run b measures exactly what run a does" in str(refusal.value)
     assert "run c.mcap has no record to learn from" in str(refusal.value)

@@ -237,6 +237,8 @@ def run(seed: int, number: str, size: float) -> tuple[World, Outcome]:
         (4102, "frame_times", -0.06),
         (4102, "encoder_scale", -0.06),
         (6002, "camera_roll", 0.01),
+        # P1 of a thick cable is held off by its first turn to where twice the feed would have it.
+        (7212, "guide_scale", 1.0),
     ],
 )
 def test_what_is_reported_healthy_is_not_far_off(seed: int, number: str, size: float) -> None:

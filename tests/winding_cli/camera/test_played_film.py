@@ -247,6 +247,22 @@ def test_a_live_tracker_follows_the_film_as_it_is_tracked_offline(
 
 
 @pytest.mark.processes
+def test_compressed_frames_of_a_driver_conform(film: Path) -> None:
+    where = ("--namespace", NAMESPACE, "--domain", os.environ["ROS_DOMAIN_ID"])
+    words = ("--image-transport", "compressed", "--seconds", "2")
+    with player(film, "--compressed", "png", "--rate", 0.2) as process:
+        done = subprocess.run(
+            [*COMMAND, "conform", *where, *words], capture_output=True, text=True, check=False
+        )
+        process.send_signal(signal.SIGINT)
+    # A film has neither services nor tension.
+    assert done.returncode == 1
+    found = [line for line in done.stdout.splitlines() if "camera/" in line]
+    assert len(found) >= 5
+    assert all(line.startswith("kept") for line in found), done.stdout
+
+
+@pytest.mark.processes
 def test_an_interrupted_film_ends_in_order(ros: Any, film: Path) -> None:
     heard: list[Any] = []
     ros.plain("listener").create_subscription(

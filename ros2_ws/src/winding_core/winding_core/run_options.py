@@ -22,6 +22,8 @@ LAY_MEANING = (
 )
 # Elements that a cable is made of.
 ELEMENTS = ("rod", "solid")
+# How a driver's frames come.
+TRANSPORTS = ("raw", "compressed")
 _NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
 
 
@@ -172,7 +174,7 @@ class RunCamera(CameraPlacement, CameraPixels, CameraClockParameters, SimulatedC
         "raw",
         "how a driver's frames come: raw on camera/image_raw, compressed on its compressed topic",
         PLAIN,
-        choices=("raw", "compressed"),
+        choices=TRANSPORTS,
     )
     compose: str = parameter(
         "",

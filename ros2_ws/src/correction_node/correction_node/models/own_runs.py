@@ -81,7 +81,7 @@ def load_own_runs(path: Path, read_bag: ReadBag | None = None) -> DataSet:
         paths |= {tuple(round(number, 9) for number in reading.path) for reading in run.readings}
     if len(seen) < FEWEST_RUNS:
         why = "".join(f"; {sentence}" for sentence in refused)
-        raise ValueError(f"{path} has {len(seen)} runs to learn from, {FEWEST_RUNS} needed{why}")
+        raise ValueError(f"{path} has {len(seen)} of {FEWEST_RUNS} runs to learn from{why}")
     named: dict[tuple[float, float], str] = {}
     for cell in cells:
         known = named.setdefault((cell.cable_diameter, cell.young), cell.cable)

@@ -256,12 +256,13 @@ class Tracker:
         """Return the bands that the log keeps, for `refine`."""
         means, numbers = self.estimates(), self._numbers
         rows, pose, without = self._log.sightings.copy(), self.pose, numbers.errors
-        if numbers.turns:
-            rows[:, ANGLE] += numbers.turned_ahead(self._log.motion, rows[:, [TIME, ANGLE]].T)
         if numbers.posed and numbers.begun is not None:
-            # What `refine` finds is what is left of the pose with which the run began.
+            # What `refine` finds is what is left of the pose with which the run began; whatever
+            # scale was corrected beside that pose went with it.
             measure_again(rows, self._setup, numbers.begun)
             pose, without = self.begun, np.zeros_like(numbers.errors)
+        elif numbers.turns:
+            rows[:, ANGLE] += numbers.turned_ahead(self._log.motion, rows[:, [TIME, ANGLE]].T)
         return Sightings(
             rows=rows,
             pose=pose,

@@ -103,8 +103,13 @@ def judge_tension(heard: Heard) -> Iterator[Finding]:
         )
 
 
-def judge_camera(images: Heard, infos: Heard, encoder: Heard) -> Iterator[Finding]:
-    """Yield findings on frames: each with its calibration, each within the encoder's samples."""
+def judge_camera(
+    images: Heard, infos: Heard, encoder: Heard, topic: str = "camera/image_raw"
+) -> Iterator[Finding]:
+    """Yield findings on the frames of a topic.
+
+    Each must have its calibration, and lie within the encoder's samples.
+    """
     frames, calibrations = set(images.stamps), set(infos.stamps)
     # Of the two topics one is heard first, and the newest message may be ahead of its partner.
     begin = max(min(frames, default=0.0), min(calibrations, default=0.0))
@@ -121,7 +126,7 @@ def judge_camera(images: Heard, infos: Heard, encoder: Heard) -> Iterator[Findin
         outside = [t for t in images.stamps if not earliest <= t <= latest]
         lead = camera_lead(images, encoder)
         yield Finding(
-            promise="camera/image_raw: stamped at exposure by the encoder's clock",
+            promise=f"{topic}: stamped at exposure by the encoder's clock",
             kept=not outside and (lead is None or lead.least <= _EARLY),
             measured=f"{len(outside)} of {len(images.stamps)} frames lie outside"
             + ("" if lead is None else f"; {lead.sentence}"),

@@ -36,6 +36,7 @@ from winding_ros.messages.camera import decode_camera_info, decode_image
 from winding_ros.messages.commands import encode_targets
 from winding_ros.messages.rig import JointStateReader, decode_tension
 from winding_ros.messages.serialised import MessageError
+from winding_ros.messages.stamps import decode_stamp
 from winding_ros.topic import Topic
 
 _PERIOD = 0.02
@@ -159,11 +160,17 @@ _RAMP_S = 3.0
 
 
 class Probe:
-    """One look at a driver through the graph's own decoders."""
+    """One look at a driver through the graph's own decoders.
 
-    def __init__(self, client: AsyncClient, *, camera: bool, axes: MachineAxes) -> None:
+    Args:
+        client: A spinning node in the driver's namespace.
+        frames: On which the driver's camera brings them; None without a camera.
+        axes: Joints of the machine.
+    """
+
+    def __init__(self, client: AsyncClient, *, frames: Topic | None, axes: MachineAxes) -> None:
         self._client = client
-        self._camera = camera
+        self._frames = frames
         self._axes = axes
         self.commanded = False  # Whether the machine took commands when it was moved
         self._joints: list[tuple[str, ...]] = []
@@ -183,9 +190,9 @@ class Probe:
             topics.JOINT_STATES: encoder,
             topics.TENSION: _tension,
         }
-        if camera:
+        if frames is not None:
             wanted |= {
-                topics.IMAGE: lambda message: (decode_image(message)[0], ()),
+                frames: _stamp if frames is topics.PREVIEW else _frame,
                 topics.CAMERA_INFO: lambda message: (decode_camera_info(message)[0], ()),
             }
         self.heard = {topic.name: Heard() for topic in wanted}  # By topic
@@ -222,11 +229,12 @@ class Probe:
         found += judge_encoder(encoder)
         found += judge_stream(topics.TENSION.name, tension, LOWEST_TENSION_RATE_HZ)
         found += judge_tension(tension)
-        if self._camera:
-            images, infos = self.heard[topics.IMAGE.name], self.heard[topics.CAMERA_INFO.name]
-            found += judge_stream(topics.IMAGE.name, images, LOWEST_FRAME_RATE_HZ)
+        if self._frames is not None:
+            name = self._frames.name
+            images, infos = self.heard[name], self.heard[topics.CAMERA_INFO.name]
+            found += judge_stream(name, images, LOWEST_FRAME_RATE_HZ)
             found += judge_stream(topics.CAMERA_INFO.name, infos, LOWEST_FRAME_RATE_HZ)
-            found += judge_camera(images, infos, encoder)
+            found += judge_camera(images, infos, encoder, name)
         found.append(judge_clock(tuple(self.heard.values())))
         return found
 
@@ -387,6 +395,14 @@ class Probe:
             heard.stamps.append(t)
 
         return note
+
+
+def _frame(message: Any) -> tuple[float, tuple[float, ...]]:
+    return decode_image(message)[0], ()
+
+
+def _stamp(message: Any) -> tuple[float, tuple[float, ...]]:
+    return decode_stamp(message.header.stamp), ()
 
 
 def _tension(message: Any) -> tuple[float, tuple[float, ...]]:

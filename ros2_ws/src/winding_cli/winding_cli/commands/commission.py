@@ -256,8 +256,8 @@ def _conform(spec: RunSpec) -> None:
         try:
             findings, _ = asyncio.run(
                 probed(
-                    spec.graph.namespace, camera=True, axes=axes, seconds=_PROBED, running=None,
-                    stop_within=0.0,
+                    spec.graph.namespace, transport=spec.camera.image_transport, axes=axes,
+                    seconds=_PROBED, running=None, stop_within=0.0,
                 )
             )  # fmt: skip
         except TimeoutError as error:

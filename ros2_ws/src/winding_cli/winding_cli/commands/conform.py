@@ -14,6 +14,7 @@ from winding_cli.terminal.ros_environment import joined
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.parameters import build, typed_values
+from winding_core.run_options import TRANSPORTS
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
@@ -30,6 +31,9 @@ def conform(
     camera: Annotated[
         bool, typer.Option("--camera/--no-camera", help="Whether the driver brings a camera.")
     ] = True,
+    image_transport: Annotated[
+        str, typer.Option(help="How the camera's frames come: raw, or compressed.")
+    ] = "raw",
     move: Annotated[
         bool,
         typer.Option("--move", help="Also start, stop and emergency-stop the machine. It MOVES."),
@@ -50,6 +54,8 @@ def conform(
     ):
         if not value > 0.0:
             refuse(f"--{name} must be positive, got {value}")
+    if image_transport not in TRANSPORTS:
+        refuse(f"--image-transport must be {' or '.join(TRANSPORTS)}, got {image_transport}")
     with refused(ValueError):
         known = build(MachineAxes, typed_values(MachineAxes, axes, spelled), owner="the machine")
     with joined(domain) as place, refused(ValueError, code=FAILED):
@@ -57,7 +63,7 @@ def conform(
             findings, commanded = asyncio.run(
                 probed(
                     namespace,
-                    camera=camera,
+                    transport=image_transport if camera else "",
                     axes=known,
                     seconds=seconds,
                     running=(omega_rad_s, MILLIMETRE * feed_mm_s) if move else None,
@@ -88,19 +94,24 @@ def conform(
 async def probed(
     namespace: str,
     *,
-    camera: bool,
+    transport: str,
     axes: MachineAxes,
     seconds: float,
     running: tuple[float, float] | None,
     stop_within: float,
 ) -> tuple[list[Finding], bool]:
-    """Return what was found, and whether the machine took commands."""
+    """Return what was found, and whether the machine took commands.
+
+    Frames come by a transport, one of `TRANSPORTS`; there is no camera where it is empty.
+    """
     from winding_cli.cell.driver_probe import Probe
+    from winding_ros import topics
     from winding_ros.client.async_client import AsyncClient
 
+    frames = {"raw": topics.IMAGE, "compressed": topics.PREVIEW}.get(transport)
     client = AsyncClient(namespace)
     try:
-        probe = Probe(client, camera=camera, axes=axes)
+        probe = Probe(client, frames=frames, axes=axes)
         client.start()
         await probe.listen(seconds)
         findings = [*await probe.services(), *probe.findings()]

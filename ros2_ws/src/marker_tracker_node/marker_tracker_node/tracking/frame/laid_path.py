@@ -233,6 +233,23 @@ def beside_path(
 
 
 @called
+def _off_path(
+    setup: Setup, guide: Guide, marks: Marks, paths: FloatArray, filled: int, row: int, n: int
+) -> float:  # pragma: no cover
+    """Return how far marker n lies off a path and what its first turn may hold it off [m].
+
+    Cable that would lie in its own first turn is held off by up to a diameter, and comes back to
+    the path over some turns.
+    """
+    first = path_height(LaidCable(marks, paths[row], filled), math.tau)[0]
+    if row == 0:
+        first -= guide.offset * lay_share(setup, math.tau)
+    held = math.copysign(max(2.0 * setup.body.cable_radius - abs(first), 0.0), first)
+    off = beside_path(setup, guide, marks, paths, filled, row, n)
+    return abs(off - min(max(off, min(held, 0.0)), max(held, 0.0)))
+
+
+@called
 def fit_offset(setup: Setup, run: Run, marks: Marks, paths: FloatArray) -> None:  # pragma: no cover
     """Fit the guide's offset to the known markers; shift the path of its readings by the change."""
     guide, filled = run.guide, run.path_filled
@@ -273,8 +290,8 @@ def judge_guide(
         return
     last = known_around(marks, math.inf)[0]
     if last > 0:
-        by_readings = abs(beside_path(setup, guide, marks, paths, filled, 0, last))
-        by_feed = abs(beside_path(setup, guide, marks, paths, filled, 1, last))
+        by_readings = _off_path(setup, guide, marks, paths, filled, 0, last)
+        by_feed = _off_path(setup, guide, marks, paths, filled, 1, last)
         if by_readings > by_feed + LAY_SIGMA:
             _believe(guide, CONTRADICTED, angle)
             return
