@@ -17,8 +17,7 @@ sys.path += [str(folder) for folder in Path(__file__).parent.iterdir() if folder
 
 from processes import COMMAND, in_namespace, running
 
-# A test waits ten times as long as the thing usually takes, on two busy cores.
-PATIENCE = 60.0
+PATIENCE = 60.0  # A test waits ten times as long as the thing usually takes, on two busy cores
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

@@ -1,7 +1,5 @@
 """What a start imports: the heavy libraries wait for those who use them."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
@@ -16,8 +14,7 @@ HEAVY = (
     "scipy.spatial", "scipy.special", "scipy.stats", "sklearn", "joblib", "matplotlib", "pinocchio",
     "torch", "uvicorn", "pyarrow", "rosbags", "mcap", "asyncua",
 )  # fmt: skip
-# What a core is made of; help needs no core.
-CORES = ("numpy", "numba", "cv2", "rclpy", "yaml")
+CORES = ("numpy", "numba", "cv2", "rclpy", "yaml")  # What a core is made of; help needs no core
 
 
 def loaded(code: str, names: tuple[str, ...]) -> list[str]:

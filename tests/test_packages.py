@@ -1,6 +1,5 @@
 """What colcon and pip read about each package: versions, dependencies, data, changelogs."""
 
-import importlib.util
 import re
 import sys
 from configparser import ConfigParser
@@ -10,6 +9,7 @@ from types import ModuleType
 import pytest
 from catkin_pkg.changelog import Changelog, populate_changelog_from_rst
 from catkin_pkg.package import parse_package
+from script import script
 
 ROOT = Path(__file__).parents[1]
 SOURCE = ROOT / "ros2_ws" / "src"
@@ -31,15 +31,7 @@ ROS_PACKAGE = re.compile(
 @pytest.fixture(scope="module")
 def generator() -> ModuleType:
     """Return the module that writes the packages' files."""
-    spec = importlib.util.spec_from_file_location(
-        "package_files", ROOT / "ros2_ws" / "package_files.py"
-    )
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return script(ROOT / "ros2_ws" / "package_files.py")
 
 
 def changelog(package: str) -> str:

@@ -1,13 +1,10 @@
 """A page of a real browser, with what it complained about, and whether all of it fits."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 from typing import Any
 
-# Ten times what the page takes, on two busy cores [s].
-TAB_PATIENCE = 60.0
+TAB_PATIENCE = 60.0  # Ten times what the page takes, on two busy cores [s]
 # Labels whose text does not fit their box, or that stick out of their card.
 CLIPPED = """
 () => [...document.querySelectorAll('.card, header')].flatMap(card => {

@@ -6,8 +6,6 @@ steps, a feed of a thirtieth of the transverse waves' speed; lengths in diameter
 tensions. Stiff cable on cylinders of less than about five diameters diverges.
 """
 
-from __future__ import annotations
-
 import math
 
 import numba

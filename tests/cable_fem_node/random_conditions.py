@@ -1,7 +1,5 @@
 """Random windings: any cable on any cylinder, as a user would wind it."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math

@@ -1,7 +1,5 @@
 """Random windings as a works would wind them: ten kinds of cables on drums of 8 to 60 diameters."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Rods, readings and tracked runs that tests of the solver share."""
 
-from __future__ import annotations
-
 import dataclasses
 from typing import Any, TypeVar
 

@@ -1,7 +1,5 @@
 """The solver's node between a machine and a tracker, and what it publishes."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from typing import Any
 

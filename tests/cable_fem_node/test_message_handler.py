@@ -1,7 +1,5 @@
 """What the solver's handler answers: predictions in pieces, the cable's end, a replayed run."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 from typing import Any

@@ -208,8 +208,7 @@ def test_marker_that_no_cable_explains_is_refused_with_a_warning(ros: Any) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("wanted", "flags"),
-    [({"update_material": False}, 0), ({}, int(MarkerFlag.PREDICTED))],
+    ("wanted", "flags"), [({"update_material": False}, 0), ({}, int(MarkerFlag.PREDICTED))]
 )
 def test_nothing_is_identified_unasked_or_from_what_was_not_seen(
     ros: Any, wanted: dict[str, object], flags: int

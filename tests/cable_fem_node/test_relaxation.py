@@ -1,7 +1,5 @@
 """A cable whose stress fades: against the standard linear solid, at rest and integrated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from typing import Any
 
@@ -24,8 +22,7 @@ EA = CASE.material.young * CASE.section_area
 # One term: the share that fades, and its time at a held stretch [s].
 G, TAU = 0.3, 5.0
 SOLID = f"{G}:{TAU}"
-# The bar of the specification for relaxation and creep.
-BAR = 0.01
+BAR = 0.01  # The bar of the specification for relaxation and creep
 
 
 def config(prony: str = SOLID, **more: Any) -> WindingConfig:

@@ -1,7 +1,5 @@
 """Turns that rest on the cylinder: the rod that does not integrate them against one that does."""
 
-from __future__ import annotations
-
 import copy
 import math
 from dataclasses import replace

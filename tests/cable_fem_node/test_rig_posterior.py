@@ -38,8 +38,7 @@ STEADY = {
     "build_up_length": 0.2,
 }
 BUILDING = STEADY | {"start_share": 0.4}
-# The stated tension reaches the cylinder whole.
-WHOLE = {"load_share": 1.0, "guide_drag": 0.0}
+WHOLE = {"load_share": 1.0, "guide_drag": 0.0}  # The stated tension reaches the cylinder whole
 
 
 def laid(run: TrackedRun, rig: dict[str, float]) -> tuple[np.ndarray, np.ndarray]:
@@ -324,8 +323,7 @@ def test_reading_is_the_mean_with_the_deviation_of_one_frame() -> None:
 
 
 @pytest.mark.parametrize(
-    "flag",
-    [MarkerFlag.OCCLUDED, MarkerFlag.CLIPPED, MarkerFlag.NOT_WOUND, MarkerFlag.PREDICTED],
+    "flag", [MarkerFlag.OCCLUDED, MarkerFlag.CLIPPED, MarkerFlag.NOT_WOUND, MarkerFlag.PREDICTED]
 )
 def test_frames_that_did_not_measure_do_not_count(flag: MarkerFlag) -> None:
     assert seen(*[frame(flags=int(flag))] * 50).steady() == ()

@@ -1,7 +1,5 @@
 """A run that is wound ahead in pieces, beside a node's thread, or again from its thinned inputs."""
 
-from __future__ import annotations
-
 import itertools
 import subprocess
 import sys

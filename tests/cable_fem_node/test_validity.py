@@ -3,8 +3,6 @@
 Any cable on any cylinder: elements of the default length are short enough, or it is refused.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from typing import Any
@@ -25,8 +23,7 @@ from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import RigTension
 
 CONDITIONS = 200
-# The promise: elements of half the length change the wound stretch by less [%].
-STRETCH_PCT = 0.2
+STRETCH_PCT = 0.2  # The promise: elements of half the length change the wound stretch by less [%]
 
 
 def config(

@@ -1,7 +1,5 @@
 """The live models against statics, kinematics, conservation; how cable lands and lifts off."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Wrong cell files, each made from a valid one by one change, with the line where it is wrong."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Cell files: the same run as from options or a goal; a wrong one is refused with its line."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import random
@@ -116,9 +114,7 @@ def test_an_option_wins_over_the_file(cell: Path) -> None:
     assert done.stderr == "winding: --turns is for an external machine: see machine\n"
 
 
-def test_a_new_cell_file_is_the_usual_run_and_each_of_its_comments_is_an_option(
-    cell: Path,
-) -> None:
+def test_a_new_cell_file_is_the_usual_run_and_each_of_its_comments_is_an_option(cell: Path) -> None:
     assert winding(cell.parent, "cell", "init", "new.yaml").exit_code == 0
     again = winding(cell.parent, "cell", "init", "new.yaml")
     assert (again.exit_code, "exists already" in again.stderr) == (2, True)

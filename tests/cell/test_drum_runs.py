@@ -1,7 +1,5 @@
 """A drum in a run: what follows of it, and what would leave it is refused beforehand."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The `winding` command in this process, and what it writes held against its schema."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 from importlib.resources import files

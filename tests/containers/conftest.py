@@ -35,11 +35,7 @@ class KeptNodes:
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
         self._folder = folder
         self._before = before
-        self._environment = {
-            **os.environ,
-            "OMP_NUM_THREADS": "1",
-            **(environment or {}),
-        }
+        self._environment = {**os.environ, "OMP_NUM_THREADS": "1", **(environment or {})}
         for number, spec in enumerate(graph):
             self._start(number, spec.name)
         self._keepers = [

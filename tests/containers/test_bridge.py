@@ -68,10 +68,7 @@ def bridge() -> Iterator[None]:
 def run_inside(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     """Run `winding run` in the last network."""
     return subprocess.run(
-        [
-            *inside(len(GRAPH)),
-            *(*COMMAND, "run", "--attach", "--case", "4", *options),
-        ],
+        [*inside(len(GRAPH)), *(*COMMAND, "run", "--attach", "--case", "4", *options)],
         cwd=folder,
         env={**os.environ, **ENVIRONMENT},
         capture_output=True,

@@ -1,7 +1,5 @@
 """The models beside each other on the real data, trained as long as the shipped ones."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import subprocess

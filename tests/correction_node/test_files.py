@@ -1,7 +1,5 @@
 """Files of the correction: shipped and own weights, and data sets of lengths."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,5 +1,3 @@
-from __future__ import annotations
-
 import csv
 import json
 from collections.abc import Iterator
@@ -262,12 +260,7 @@ def test_a_bad_run_is_left_out_with_its_reason(
     ],
 )
 def test_unfit_runs_are_refused(
-    verdict: str,
-    complete: bool,
-    losses: list[str],
-    markers: bool,
-    says: str,
-    tmp_path: Path,
+    verdict: str, complete: bool, losses: list[str], markers: bool, says: str, tmp_path: Path
 ) -> None:
     condition = {
         "cylinder_diameter_mm": 30.0, "cable_diameter_mm": 4.0, "tension_n": 3.9,

@@ -1,7 +1,5 @@
 """A running correction: the weight first, then what the run itself has measured."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
@@ -251,9 +249,7 @@ def test_a_hidden_marker_is_bridged(run: RunCorrector) -> None:
     assert 100.0 * abs(S_EXP[3] / corrected["s"][3] - 1.0) < 1.0
 
 
-def test_an_unusable_prediction_is_refused_and_the_others_are_corrected(
-    run: RunCorrector,
-) -> None:
+def test_an_unusable_prediction_is_refused_and_the_others_are_corrected(run: RunCorrector) -> None:
     frames(run, S_EXP[:1])
     corrected = run.correct(LATER, records([S_FEM[0], np.nan, S_FEM[2]]))
     assert corrected["id"].tolist() == [1, 3]

@@ -1,7 +1,5 @@
 """Training: networks, baselines, held-out errors, bounds, the command that writes weights."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 import sys
@@ -156,8 +154,7 @@ def command() -> typer.Typer:
 def test_training_writes_weights_and_prints_their_held_out_error(command, tmp_path) -> None:
     out = tmp_path / "mine"
     done = CliRunner().invoke(
-        command,
-        f"--model network --data paper --steps 2 --seed 5 --output {out}".split(),
+        command, f"--model network --data paper --steps 2 --seed 5 --output {out}".split()
     )
     assert done.exit_code == 0, done.output
     assert load_factor(out).card["training"]["seed"] == 5

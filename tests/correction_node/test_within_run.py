@@ -1,7 +1,5 @@
 """Within a run: what the measured markers tell of the next, of its case and of its tension."""
 
-from __future__ import annotations
-
 import dataclasses
 
 import numpy as np
@@ -20,11 +18,7 @@ from correction_node.models.dataset import load_data_set
 from correction_node.models.factor_models import RIG_LAW, LayOns, case_of, fit_rig, reference_law
 from winding_core.cable.cases import paper_case
 from winding_core.machine.tension import DeadWeight, RigTension
-from winding_verification.correction.tables import (
-    LABEL,
-    NoiseAccuracy,
-    accuracy_by_noise,
-)
+from winding_verification.correction.tables import LABEL, NoiseAccuracy, accuracy_by_noise
 from winding_verification.correction.within_run_score import (
     WithinRunScore,
     conformal_quantile,

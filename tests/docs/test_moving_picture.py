@@ -15,8 +15,7 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "docs" / "images" / "moving_picture.py"
 SHOWN = ROOT / "docs" / "images" / "run-case-4.webp"
 
-# Of a forge.
-LARGEST = 2_000_000
+LARGEST = 2_000_000  # Of a forge
 
 
 def make(*arguments: object, folder: Path) -> Image.Image:

@@ -1,7 +1,6 @@
 """What the pages show as output is what the command prints, uncut; numbers agree."""
 
 import ast
-import importlib.util
 import io
 import json
 import re
@@ -10,10 +9,10 @@ import sys
 from collections.abc import Iterator
 from importlib.resources import files
 from pathlib import Path
-from types import ModuleType
 
 import pytest
 from rich.table import Table
+from script import script
 
 from correction_node.models.dataset import load_data_set
 from correction_node.models.weights import SHIPPED
@@ -28,18 +27,8 @@ COMMANDS = sorted([*FOLDER.glob("winding_cli/*/**/*.py"), *FOLDER.glob("*/*/comm
 WIDE = "a column of seventy characters " * 2 + "12345678"
 
 
-def script() -> ModuleType:
-    """Return the script that writes the outputs."""
-    spec = importlib.util.spec_from_file_location("outputs", DOCS / "outputs.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-OUTPUTS = sorted(script().outputs(), key=lambda output: (output.file, output.start))
+WRITER = script(DOCS / "outputs.py")
+OUTPUTS = sorted(WRITER.outputs(), key=lambda output: (output.file, output.start))
 
 
 def table(page: str, after: str) -> dict[str, list[str]]:
@@ -73,7 +62,7 @@ def test_outputs_of_the_tutorials_the_graph_and_the_interfaces_are_marked() -> N
 
 
 def test_a_stale_output_is_written_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    module = script()
+    module = WRITER
     page = tmp_path / "page.md"
     page.write_text(
         "<!-- output of: echo one -->\n```\nold\n```\n\n"
@@ -97,7 +86,7 @@ def test_a_stale_output_is_written_anew(tmp_path: Path, monkeypatch: pytest.Monk
 
 
 def test_a_command_that_fails_is_no_output() -> None:
-    output = script().Output(file=DOCS, command="false | cat", shown="", start=0)
+    output = WRITER.Output(file=DOCS, command="false | cat", shown="", start=0)
     with pytest.raises(subprocess.CalledProcessError):
         output.printed()
 

@@ -1,7 +1,5 @@
 """What the pages name exists: links, commands, options, and the paper page's functions."""
 
-from __future__ import annotations
-
 import importlib
 import importlib.util
 import re

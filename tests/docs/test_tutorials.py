@@ -17,10 +17,8 @@ Blocks = Callable[[Path], list[str]]
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 TUTORIALS = [*sorted((DOCS / "tutorials").glob("*.md")), DOCS / "gallery.md"]
-# The newcomer's ten minutes, and the kernels of a first start.
-PATIENCE = 840.0
-# In this order.
-NEWCOMER = ("predict_lay.py", "winding predict", "winding track", "read_bag.py")
+PATIENCE = 840.0  # The newcomer's ten minutes, and the kernels of a first start
+NEWCOMER = ("predict_lay.py", "winding predict", "winding track", "read_bag.py")  # In this order
 
 
 def test_every_tutorial_has_something_to_run(shell_blocks: Blocks) -> None:

@@ -20,8 +20,7 @@ from winding_supervisor.session.domain_lock import DomainError, domain_lock
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
 
 PATIENCE = 600.0
-# Between two signals [s].
-APART = 0.3
+APART = 0.3  # Between two signals [s]
 # What can be seen of each stage, and how long after that the first signal comes at most [s]. While
 # the interpreter itself starts, no line of the command has run and nothing is open: the first
 # moment is the one from which the command takes signals.

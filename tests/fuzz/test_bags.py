@@ -25,8 +25,7 @@ from winding_recorder.bags.tables import export
 
 fuzzed = settings.get_profile("files")
 RANDOM_BYTES = [b"\x00", b"\xff", b"\x7f\xff\xff\xff", b"\xff" * 8, b"\x00" * 9]
-# A small file must not make a reader take much more than it holds.
-MOST_BYTES = 400_000_000
+MOST_BYTES = 400_000_000  # A small file must not make a reader take much more than it holds
 
 
 @pytest.fixture(scope="module")

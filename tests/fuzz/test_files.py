@@ -24,11 +24,7 @@ from winding_core.run_inputs import RunInputs, RunInputsError
 from winding_core.yaml_text import YamlTextError, load_yaml
 from winding_rig_node.ros.parameters import RigParameters
 from winding_ros.runtime.parameter_files import parameters_for
-from winding_study.identification.sources import (
-    SourceError,
-    read_readings,
-    read_tensile_test,
-)
+from winding_study.identification.sources import SourceError, read_readings, read_tensile_test
 from winding_study.sweep.spec import SpecError, parse_spec
 
 pytestmark = pytest.mark.slow
@@ -140,10 +136,7 @@ READERS: dict[str, tuple[Callable[[Path], Any], tuple[type[Exception], ...]]] = 
     "motion": (read_motion, (RecordingError,)),
     "markers": (read_readings, (SourceError, IdentificationError)),
     "tensile": (read_tensile_test, (SourceError, IdentificationError)),
-    "lengths": (
-        lambda path: parse_lengths(path.read_text("utf-8"), source="given"),
-        (ValueError,),
-    ),
+    "lengths": (lambda path: parse_lengths(path.read_text("utf-8"), source="given"), (ValueError,)),
 }
 # These are given as text by a command that refuses a file that is no UTF-8 itself.
 READS_TEXT = {"sweep", "lengths"}

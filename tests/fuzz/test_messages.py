@@ -414,10 +414,7 @@ BYTE_DECODERS: dict[Topic, tuple[Callable[[bytes], Any], ...]] = {
     garbage=st.one_of(st.none(), st.binary(max_size=120)),
 )
 def test_changed_bytes_of_a_message(
-    topic: Topic,
-    changes: list[tuple[float, int]],
-    length: float,
-    garbage: bytes | None,
+    topic: Topic, changes: list[tuple[float, int]], length: float, garbage: bytes | None
 ) -> None:
     whole = serialize_message(example(topic)) if garbage is None else garbage
     content = bytearray(whole[: round(length * len(whole))])

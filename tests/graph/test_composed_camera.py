@@ -13,14 +13,7 @@ from winding_core.cable.cases import published_markers
 from winding_core.machine.camera_source import CameraSource, CameraSourceError
 from winding_recorder.bags.contents import contents
 from winding_ros import topics
-from winding_ros.graph import (
-    CAMERA_TOPICS,
-    GRAPH,
-    RIG,
-    SIMULATED_CAMERA,
-    TRACKER,
-    composed,
-)
+from winding_ros.graph import CAMERA_TOPICS, GRAPH, RIG, SIMULATED_CAMERA, TRACKER, composed
 
 
 @pytest.mark.processes

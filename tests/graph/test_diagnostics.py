@@ -16,8 +16,7 @@ from winding_ros.messages.rig import encode_tension
 pytestmark = pytest.mark.processes
 
 NODES = tuple(spec.name for spec in GRAPH)
-# Simulated time leads the slowest reader by at most so much.
-MAX_LEAD = 0.25
+MAX_LEAD = 0.25  # Simulated time leads the slowest reader by at most so much
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -38,10 +38,7 @@ def buffer(request: pytest.FixtureRequest) -> RunBuffer:
     ros, compose = (request.getfixturevalue(name) for name in ("module_ros", "compose"))
     recorded = [topics.JOINT_STATES, topics.TRACKED_MARKERS, topics.FEM_MARKERS,
                 topics.CORRECTED_MARKERS, topics.FEM_PREDICTION, topics.FEM_MATERIAL]  # fmt: skip
-    own = {
-        "cable_fem": {"take_up_material": True},
-        "winding_rig": {"lay": "fem", "seed": 5},
-    }
+    own = {"cable_fem": {"take_up_material": True}, "winding_rig": {"lay": "fem", "seed": 5}}
     with composed_run(compose, ros, CONDITION, recorded, **own) as (listener, recorder):
         wind_on(ros, listener, recorder)
     return recorder.buffer

@@ -43,10 +43,7 @@ TYPED = {
 }
 NAMESPACE = "slowed"
 # Seconds that a message of a topic takes longer; frames come every 50 ms at a tenth of real time.
-SLOW = {
-    TRACKER.name: ("camera/image_raw", 0.025),
-    CORRECTION.name: ("fem/markers", 0.04),
-}
+SLOW = {TRACKER.name: ("camera/image_raw", 0.025), CORRECTION.name: ("fem/markers", 0.04)}
 # It tells of processes and wall time as well. An identification does so too, when a marker has
 # landed: later than these runs end.
 OF_THE_WALL_CLOCK = "/diagnostics"

@@ -5,8 +5,6 @@ encoder, carriage, pull and the places that the tracker measures, those of the f
 where it sees no higher.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

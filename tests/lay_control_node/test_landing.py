@@ -4,10 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from even_helix import EvenHelix
 
 from lay_control_node.control.control_parameters import ControlParameters
 from lay_control_node.control.expected_landing import ExpectedLanding, expected_landings
-from lay_control_node.control.guide_law import WantedPoint
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.stretch_filter import (
     Progress,
@@ -22,26 +22,13 @@ from winding_core.lay.records import ControlMode
 
 CASE = published_case(4, "case")
 LAW = LayOnLaw(
-    CASE,
-    MaterialLaw(law="neo_hookean", young=CASE.material.young, poisson=CASE.material.poisson),
+    CASE, MaterialLaw(law="neo_hookean", young=CASE.material.young, poisson=CASE.material.poisson)
 )
 SLOPE, BUILD_UP = 2.87e-3, 0.255
 STEP = 0.02
 
 
-class EvenHelix:
-    """An even helix."""
-
-    def at(self, theta: float) -> WantedPoint:
-        """Return what is wanted at a wound angle [rad]."""
-        return WantedPoint(z=SLOPE * theta, slope=SLOPE, curvature=0.0)
-
-    def slopes(self, theta: np.ndarray) -> np.ndarray:
-        """Return the same slope everywhere."""
-        return np.full(theta.shape, SLOPE)
-
-
-HELIX = EvenHelix()
+HELIX = EvenHelix(SLOPE)
 
 
 def wound(
@@ -49,10 +36,7 @@ def wound(
 ) -> tuple[StretchFilter, np.ndarray]:
     """Wind under pulls [N], one per step of 0.02 rad; return the filter and landing angles."""
     found = StretchFilter(
-        LAW,
-        spacing=CASE.marker_spacing,
-        radius=CASE.centreline_radius,
-        config=config,
+        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
     )
     theta = STEP * np.arange(1, pulls.size + 1)
     grown = 1.0 - (1.0 - start) * np.exp(-CASE.centreline_radius * (theta - 0.01) / BUILD_UP)
@@ -97,10 +81,7 @@ def test_landed_markers_tell_the_tension(share: float, drag: float) -> None:
 def test_a_missed_marker_makes_the_segment_longer() -> None:
     config = StretchFilterConfig(start=1.0, sigma_start=0.01)
     found = StretchFilter(
-        LAW,
-        spacing=CASE.marker_spacing,
-        radius=CASE.centreline_radius,
-        config=config,
+        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
     )
     theta = STEP * np.arange(1, 900)
     laid = np.cumsum(np.full(theta.size, float(LAW.density(0.8 * CASE.weight, SLOPE)) * STEP))
@@ -118,11 +99,7 @@ def test_a_missed_marker_makes_the_segment_longer() -> None:
 def test_one_wrong_marker_does_not_carry_the_estimate_away() -> None:
     config = StretchFilterConfig(start=1.0, sigma_start=0.01)
     found, landing = wound(
-        np.full(1000, CASE.weight),
-        share=0.7,
-        drag=0.15,
-        start=1.0,
-        config=config,
+        np.full(1000, CASE.weight), share=0.7, drag=0.15, start=1.0, config=config
     )
     before = found.estimate.share
     for angle in np.arange(landing[3], landing[3] + 4.0, STEP):

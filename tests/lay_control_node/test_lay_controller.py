@@ -4,9 +4,10 @@ import math
 
 import numpy as np
 import pytest
+from even_helix import EvenHelix
 
 from lay_control_node.control.control_parameters import ControlParameters
-from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedPoint, WantedProgram
+from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedProgram
 from lay_control_node.control.lay_controller import ControllerConfig, LayController, Setpoint
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.stretch_filter import StretchFilter
@@ -25,18 +26,6 @@ ADVANCE = FEED / OMEGA
 PERIOD = 0.02
 
 
-class EvenHelix:
-    """An even helix of the drive programme's pitch."""
-
-    def at(self, theta: float) -> WantedPoint:
-        """Return what is wanted at a wound angle [rad]."""
-        return WantedPoint(z=ADVANCE * theta, slope=ADVANCE, curvature=0.0)
-
-    def slopes(self, theta: np.ndarray) -> np.ndarray:
-        """Return the same slope everywhere."""
-        return np.full(theta.shape, ADVANCE)
-
-
 def controller(*, patience: float = math.inf) -> LayController:
     """Return a controller of case 4 that drives the guide."""
     law = LayOnLaw(CASE, MaterialLaw(law="neo_hookean"))
@@ -47,7 +36,7 @@ def controller(*, patience: float = math.inf) -> LayController:
             guide=AxisBounds(low=-0.1, high=1.0, speed=0.08, acceleration=0.5),
             solver_patience=patience,
         ),
-        wanted=EvenHelix(),
+        wanted=EvenHelix(ADVANCE),
         law=GuideLaw(radius=RADIUS),
         lay=LayFilter(LayFilterConfig(radius=RADIUS, free_length=0.198)),
         stretch=StretchFilter(law, spacing=CASE.marker_spacing, radius=RADIUS),

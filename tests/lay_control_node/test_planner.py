@@ -119,11 +119,7 @@ def test_the_table_keeps_every_limit_whatever_is_wanted(
     scale = -0.09 / z[-1] if downwards else 1.0
     limits = replace(LIMITS, carriage_jerk=jerk)
     what = Condition(
-        case=0,
-        cylinder_diameter=0.04,
-        cable_diameter=1.0e-4,
-        weight=0.01,
-        angular_speed=omega,
+        case=0, cylinder_diameter=0.04, cable_diameter=1.0e-4, weight=0.01, angular_speed=omega
     ).resolved()
     plan = plan_lay(
         LayProgram(theta=theta, z=scale * z),
@@ -212,9 +208,7 @@ def test_more_pull_lands_a_marker_later() -> None:
 
 def test_without_a_brake_the_weight_pulls_and_the_plan_reports_it() -> None:
     program = replace(
-        even_helix(WHAT.drive.pitch, 5.0),
-        markers={1: 1.05 * TURN},
-        tension=np.array([1.0, 1.0]),
+        even_helix(WHAT.drive.pitch, 5.0), markers={1: 1.05 * TURN}, tension=np.array([1.0, 1.0])
     )
     plan = plan_lay(program, WHAT, replace(LIMITS, brake=None))
     assert (plan.pulls.commanded == WHAT.case.weight).all()
@@ -239,8 +233,7 @@ def test_a_marker_that_is_not_on_the_cable_is_refused() -> None:
 LAG = 9.0
 LAW = FleetAngleLaw(advance_per_radian=2.9e-3, free_length=LAG * 0.02, radius=0.02)
 TWO_PITCHES = LayProgram(
-    theta=TURN * np.array([0.0, 2.0, 4.0, 5.0]),
-    z=np.array([0.0, 0.036, 0.048, 0.03]),
+    theta=TURN * np.array([0.0, 2.0, 4.0, 5.0]), z=np.array([0.0, 0.036, 0.048, 0.03])
 )
 
 
@@ -311,12 +304,7 @@ def test_an_end_of_travel_holds_the_guide_and_leaves_it_free_inside() -> None:
 def test_corners_that_run_into_each_other_add_up() -> None:
     line = smoothed_program(TWO_PITCHES, 3.0)
     alone = [
-        replace(
-            line,
-            theta=line.theta[k : k + 1],
-            bends=line.bends[k : k + 1],
-            steps=np.zeros(1),
-        )
+        replace(line, theta=line.theta[k : k + 1], bends=line.bends[k : k + 1], steps=np.zeros(1))
         for k in range(line.theta.size)
     ]
     theta = np.linspace(0.0, TWO_PITCHES.end, 500)

@@ -14,8 +14,7 @@ from typing import Any
 import psutil
 
 COMMAND = (sys.executable, "-m", "winding_cli.cli")
-# First starts compile kernels on a busy machine [s].
-PATIENCE = 240.0
+PATIENCE = 240.0  # First starts compile kernels on a busy machine [s]
 
 
 def free_port() -> int:

@@ -1,14 +1,13 @@
 """Dependencies: licences as the libraries state them, and the same versions for pixi and pip."""
 
-import importlib.util
 import re
-import sys
 import tomllib
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 from packaging.utils import canonicalize_name
+from script import script
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "licences.md").read_text(encoding="utf-8")
@@ -19,13 +18,7 @@ RECIPE = tomllib.loads((ROOT / "pixi.toml").read_text(encoding="utf-8"))
 @pytest.fixture(scope="module")
 def licences() -> ModuleType:
     """Return the script that writes the page."""
-    spec = importlib.util.spec_from_file_location("licences", ROOT / "release" / "licences.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
+    return script(ROOT / "release" / "licences.py")
 
 
 def listed(section: str) -> dict[str, tuple[str, str]]:

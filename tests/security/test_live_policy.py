@@ -63,11 +63,7 @@ def uncovered(found: Endpoints, namespace: str, taking_part: Participants) -> En
 
 @contextmanager
 def winding(*words: object) -> Iterator["subprocess.Popen[str]"]:
-    process = subprocess.Popen(
-        [*COMMAND, *map(str, words)],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    process = subprocess.Popen([*COMMAND, *map(str, words)], stdout=subprocess.PIPE, text=True)
     try:
         yield process
         process.terminate()

@@ -18,11 +18,7 @@ from chromium import chromium
 
 from processes import COMMAND, free_port, until
 
-pytestmark = [
-    pytest.mark.soak,
-    pytest.mark.processes,
-    pytest.mark.slow,
-]
+pytestmark = [pytest.mark.soak, pytest.mark.processes, pytest.mark.slow]
 
 NAMESPACE = "soak"
 MINUTES = float(os.environ.get("SOAK_MINUTES", "30"))
@@ -32,8 +28,7 @@ SETTLED_S = 120.0
 GROWTH = 1.02
 # Logs name what goes wrong and what begins; nothing of that comes with every run.
 LOG_GROWTH = 64_000
-# Starting processes and the first run, on a machine that does other things.
-PATIENCE = 300.0
+PATIENCE = 300.0  # Starting processes and the first run, on a machine that does other things
 
 
 class Soak:

@@ -1,7 +1,5 @@
 """An arm of the tests by its Denavit-Hartenberg numbers, and the mapping of its machine."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -24,8 +22,7 @@ NAMES = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
 # A pose away from singularities, and where the machine's axis stands seen from the base.
 HOME = np.array([0.3, -1.9, 1.8, -1.4, -1.4, 0.4])
 EYE = [0.0, 0.02, 0.11]
-# The machine's axis lies nearly along the base's y, a little askew.
-TURN = [-1.5, 0.1, 0.2]
+TURN = [-1.5, 0.1, 0.2]  # The machine's axis lies nearly along the base's y, a little askew
 
 
 def written(folder: Path, *, speed: float = 3.14, travel: float = 2.0 * math.pi) -> Path:
@@ -84,10 +81,7 @@ def mapping_text(folder: Path, joint_speed: float = 3.14, **commands: object) ->
                 "tip": "tool0",
                 "eye_m": EYE,
             },
-            "winder_axis": {
-                "position_m": origin.tolist(),
-                "rotation_rpy_rad": TURN,
-            },
+            "winder_axis": {"position_m": origin.tolist(), "rotation_rpy_rad": TURN},
             "commands": {"topic": "arm/command", **commands},
         }
     )

@@ -30,8 +30,7 @@ from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.messages.rig import JointStateReader
 
 PERIOD, DEAD_TIME = 0.008, 0.015
-# Of the encoder in degrees.
-TURN = 40.0
+TURN = 40.0  # Of the encoder in degrees
 
 
 class OwnArm:

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from winding_arm_driver.frames import FrameTree
-from winding_arm_driver.guide import Guided
+from winding_arm_driver.guide import FrameTree, Guided
 from winding_core.arm.arm_file import ArmMapping, Commands, Cylinder, Guide, WinderAxis
 from winding_core.arm.rigid import Pose
 

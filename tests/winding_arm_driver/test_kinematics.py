@@ -10,8 +10,7 @@ from winding_core.arm.joint import ArmError
 from winding_core.arm.kinematics import Arm
 from winding_core.arm.rigid import Pose
 
-# Of rounding through the description's decimals [m].
-ROUNDING = 1.0e-9
+ROUNDING = 1.0e-9  # Of rounding through the description's decimals [m]
 
 
 @pytest.fixture

@@ -92,12 +92,7 @@ def recording(folder: Path, *, off: float, mode: ControlMode = ControlMode.DRIVE
 
 @pytest.mark.slow
 def test_recorded_run_has_its_report_and_its_verdict(tmp_path: Path) -> None:
-    write_recorded_report(
-        recording(tmp_path / "bag", off=0.3e-3),
-        tmp_path / "out",
-        LIMITS,
-        [LAY],
-    )
+    write_recorded_report(recording(tmp_path / "bag", off=0.3e-3), tmp_path / "out", LIMITS, [LAY])
     numbers = json.loads((tmp_path / "out" / "run.json").read_text(encoding="utf-8"))
     assert numbers["verdict"]["kept"] is True
     assert numbers["wall_s"] is None

@@ -1,7 +1,5 @@
 """`winding cable`: cables are listed, compared, added and wound."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

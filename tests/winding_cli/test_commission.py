@@ -1,7 +1,5 @@
 """`winding commission`: what is refused, the plan, and one real run that leaves a cell."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 from pathlib import Path

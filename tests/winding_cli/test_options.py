@@ -1,7 +1,5 @@
 """Options: every parameter is one, help lists every command, and a wrong value is refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import inspect
 import random
@@ -51,7 +49,7 @@ BESIDE = {
 }
 # They need recordings or a running graph before any option is looked at, or take any text for one.
 LEFT_OUT = {
-    *("track", "identify", "calibrate", "bag", "conform", "health", "play-film", "check-film"),
+    *("track", "identify", "calibrate", "bag", "conform", "health", "play-film", "check-film")
 }
 NUMBERS = ("abc", "-1e9", "nan")
 PLACES = ("/dev/null/x", "/proc/nothere/x")

@@ -1,7 +1,5 @@
 """What all commands have in common: exit codes, JSON on stdout, progress, nothing written over."""
 
-from __future__ import annotations
-
 import json
 import time
 from pathlib import Path

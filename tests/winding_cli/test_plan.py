@@ -1,7 +1,5 @@
 """`winding plan`: what it writes, how it ends, how it refuses."""
 
-from __future__ import annotations
-
 import csv
 import json
 from pathlib import Path
@@ -156,10 +154,7 @@ def test_the_rod_winds_a_drum_in_layers(tmp_path: Path) -> None:
         ([*HELIX, "--carriage-speed-limit-mm-s", "0"], "must be positive, got 0"),
         ([*HELIX, "--tolerance-mm", "-1"], "--tolerance-mm must be positive"),
         ([*HELIX, "--slow-down"], "--slow-down needs --tolerance-mm"),
-        (
-            [*FAR, "--machine-file", str(EXAMPLE)],
-            "the guide would go to 0.531 m, beyond its",
-        ),
+        ([*FAR, "--machine-file", str(EXAMPLE)], "the guide would go to 0.531 m, beyond its"),
         ([*HELIX, "--start", "later"], "--start must be first or together"),
         ([*HELIX, "--picture", "plan.gif"], "--picture ends in .png"),
         ([*HELIX, "--period-ms", "0"], "--period-ms must lie in 1 to 1000"),

@@ -15,10 +15,7 @@ CELL = "condition: {case: 11, duration_s: 1.3}\nrecording: {json: '-', output: l
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
-    [
-        ("--case", 11, "--duration-s", 1.3, "--output", "left", "--json", "-"),
-        ("cell.yaml",),
-    ],
+    [("--case", 11, "--duration-s", 1.3, "--output", "left", "--json", "-"), ("cell.yaml",)],
 )
 def test_json_of_a_run_goes_to_stdout_alone(
     words: tuple[object, ...], command: Callable[..., Any], tmp_path: Path
@@ -35,9 +32,7 @@ def test_json_of_a_run_goes_to_stdout_alone(
     assert not (tmp_path / "-").exists()
 
 
-def test_what_such_a_cell_means_is_printed_as_of_every_other(
-    tmp_path: Path,
-) -> None:
+def test_what_such_a_cell_means_is_printed_as_of_every_other(tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text(CELL, encoding="utf-8")
     done = winding(tmp_path, "cell", "check", "cell.yaml")
     assert (done.exit_code, done.stderr) == (0, "")

@@ -1,7 +1,5 @@
 """From the messages of a run to its outcome: what was lost, how far it came, what judges it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """What commands write as JSON, held against the published schemas."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """A cell file's solver reaches the node and `winding predict`; a slow run is told so."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """`winding track` needs what lies in the picture, and states what it assumes of it."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import pytest

@@ -15,8 +15,7 @@ from winding_core.machine.axes import MachineAxes
 from winding_core.urdf import BASE, GUIDE, machine_urdf
 
 WHAT = Condition(case=4).resolved()
-# Of inverse kinematics, which end within a micrometre [m].
-NEAR = 2.0e-6
+NEAR = 2.0e-6  # Of inverse kinematics, which end within a micrometre [m]
 
 
 def opened(file: str) -> ArmPath:

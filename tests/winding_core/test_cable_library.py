@@ -1,7 +1,5 @@
 """The library of cables: what a run takes of one, and what is refused."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,7 +1,5 @@
 """Machine code on disk: never of other sources, kept while it holds, only the user's own."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

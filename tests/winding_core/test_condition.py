@@ -1,7 +1,5 @@
 """Conditions: what typed options mean, and the paper's cases and tables."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

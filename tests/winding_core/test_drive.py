@@ -1,7 +1,5 @@
 """Drive programmes: positions are the integral of speeds; the inputs of a run as a file."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

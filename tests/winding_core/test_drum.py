@@ -1,7 +1,5 @@
 """Cable on a drum: layers touch, nothing passes a flange, and the totals are closed forms."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

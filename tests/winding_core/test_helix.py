@@ -1,7 +1,5 @@
 """Paths on a cylinder: helix, traversing guide, and the markers that lie on them."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Errors of a measured lay and of lengths, and the limits that they are held against."""
 
-from __future__ import annotations
-
 import math
 from statistics import fmean
 
@@ -17,8 +15,7 @@ from winding_reports.records.run_record import MarkerRow
 
 PITCH, TURN = 18.0e-3, math.tau
 ADVANCE = PITCH / TURN
-# z of the records is single precision: 4 nm at 60 mm.
-SINGLE = 1.0e-8
+SINGLE = 1.0e-8  # z of the records is single precision: 4 nm at 60 mm
 
 
 def lay(turns: float, *, off: float = 0.0, step: float = 0.087) -> LayRecords:

@@ -1,7 +1,5 @@
 """What cannot be is refused in one sentence with the value and the limit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from functools import partial
@@ -26,12 +24,7 @@ from winding_core.markers import MarkerLook, wound_markers
 from winding_core.parameters import build
 
 NOT_FINITE = (math.nan, math.inf)
-CASE = {
-    "cylinder_diameter": 0.045,
-    "cable_diameter": 0.003,
-    "weight": 2.5,
-    "marker_spacing": 0.15,
-}
+CASE = {"cylinder_diameter": 0.045, "cable_diameter": 0.003, "weight": 2.5, "marker_spacing": 0.15}
 SPAN = {"advance_per_radian": 0.003, "free_length": 0.198, "radius": 0.017}
 
 

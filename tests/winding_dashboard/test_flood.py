@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from processes import serving
-from winding_dashboard.web.connections import Bounds, Connections
+from winding_dashboard.web.listening import Bounds, Connections
 
 pytestmark = pytest.mark.timeout(600)
 

@@ -12,7 +12,7 @@ from winding_core.lay.errors import turn_errors, turn_state
 from winding_core.lay.records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
 from winding_core.status import Level, Status
 from winding_dashboard.drawings.lay_charts import lay_curves
-from winding_dashboard.page.control_card import basis_words, beliefs
+from winding_dashboard.page.snapshot import basis_words, beliefs
 from winding_dashboard.state.control_state import ControlState
 from winding_dashboard.state.view_state import ViewState
 

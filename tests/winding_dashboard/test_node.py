@@ -158,9 +158,7 @@ def test_topic_that_the_page_has_no_row_for_is_shown_as_text(
 
 
 @pytest.mark.slow
-def test_unanswered_emergency_stop_refers_to_the_machine_s_button(
-    dashboard: DashboardNode,
-) -> None:
+def test_unanswered_emergency_stop_refers_to_the_machine_s_button(dashboard: DashboardNode) -> None:
     with pytest.raises(CommandError, match="use the machine's own button"):
         asyncio.run(dashboard.service_client.command("emergency_stop"))
 

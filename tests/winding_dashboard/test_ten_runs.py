@@ -16,8 +16,7 @@ pytestmark = [
 ]
 
 RUNS, STOPPED = 10, (3, 6, 8)
-# Of the last run [%]: less than the correction leaves of case 4.
-LIMIT = 0.2
+LIMIT = 0.2  # Of the last run [%]: less than the correction leaves of case 4
 # Allocators keep some of a report's pictures; a run that stayed in memory would be 10 MB and more.
 GROWTH_MB = 60.0
 ROWS = "document.querySelectorAll('#runs tbody th').length"

@@ -247,12 +247,7 @@ BY_CERTIFICATE = {"user_certificate": "user.der", "user_private_key": "user.pem"
 @pytest.mark.parametrize("certified", [False, True], ids=["by name", "by certificate"])
 @pytest.mark.asyncio
 async def test_a_user_opens_the_session_and_resumes_it(
-    certified: bool,
-    linked: Any,
-    listener: Any,
-    secured: Any,
-    pair: Any,
-    tmp_path: Path,
+    certified: bool, linked: Any, listener: Any, secured: Any, pair: Any, tmp_path: Path
 ) -> None:
     security, options = await secured()
     if certified:

@@ -27,8 +27,7 @@ RECORDED = {
     if topic.recorded
 }
 
-# Arrivals are dates: of after 2023 [ns].
-_LONG_AGO = 1_700_000_000 * 10**9
+_LONG_AGO = 1_700_000_000 * 10**9  # Arrivals are dates: of after 2023 [ns]
 # This run is not commanded from outside, and no lay is controlled in it.
 SILENT = {
     name

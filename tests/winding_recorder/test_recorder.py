@@ -34,11 +34,7 @@ from winding_ros.topic import Taken, Topic
 pytestmark = pytest.mark.processes
 
 # The graph declares commands at 50 Hz; the machine's control loop runs at 500 Hz.
-LOAD = (
-    topics.JOINT_STATES,
-    replace(topics.JOINT_COMMANDS, rate=500.0, depth=1000),
-    topics.IMAGE,
-)
+LOAD = (topics.JOINT_STATES, replace(topics.JOINT_COMMANDS, rate=500.0, depth=1000), topics.IMAGE)
 RECORDED = (topics.JOINT_STATES, topics.FEM_PREDICTION)
 
 

@@ -1,7 +1,5 @@
 """What Chromium prints of a page, read back from the PDF with Poppler."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import xml.etree.ElementTree as ET

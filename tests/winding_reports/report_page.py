@@ -1,7 +1,5 @@
 """A report's page as a reader of HTML sees it, and what every report must hold."""
 
-from __future__ import annotations
-
 import base64
 import re
 import xml.etree.ElementTree as ET

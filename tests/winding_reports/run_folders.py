@@ -1,7 +1,5 @@
 """Folders of runs with made-up numbers, each `run.json` as its schema describes it."""
 
-from __future__ import annotations
-
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path

@@ -1,7 +1,5 @@
 """The cable over time as files, read back by readers that share no code with the writers."""
 
-from __future__ import annotations
-
 import base64
 import struct
 import zlib
@@ -23,8 +21,7 @@ DURATION = 3.0
 PICTURES = 4
 RUN = PlannedRun(config=WindingConfig(case=paper_case(4)), duration=DURATION)
 FIELDS = {"s": "s_m", "tension": "tension_n", "strain": "strain", "twist": "twist_rad_m"}
-# Ten digits of numbers up to 4.
-ROUNDING = 1.0e-9
+ROUNDING = 1.0e-9  # Ten digits of numbers up to 4
 
 
 class Kept:

@@ -4,13 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from winding_reports.runs.trend import (
-    ALLOWANCE,
-    AVERAGE_RUN_LENGTH,
-    FIRST,
-    LIMIT,
-    drift_chart,
-)
+from winding_reports.runs.trend import ALLOWANCE, AVERAGE_RUN_LENGTH, FIRST, LIMIT, drift_chart
 
 STATES = 400
 

@@ -1,7 +1,5 @@
 """The unrolled surface of a drum: what was wanted, where it landed, and what was seen of it."""
 
-from __future__ import annotations
-
 import json
 import math
 

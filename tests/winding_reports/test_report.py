@@ -1,7 +1,5 @@
 """The record of a run with its identity, and the report that shows it."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math

@@ -1,7 +1,5 @@
 """The index over runs: what is listed as what, and that it can be lost."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from pathlib import Path

@@ -1,7 +1,5 @@
 """`winding runs`: tables, page and JSON over a folder of runs."""
 
-from __future__ import annotations
-
 import csv
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """The ways to corrected lengths: put together from the nodes' own records, whole and in parts."""
 
-from __future__ import annotations
-
 import json
 from itertools import pairwise
 from pathlib import Path

@@ -10,8 +10,7 @@ from winding_core.machine.drive import DriveProfile
 from winding_rig_node.machine.machine import Machine
 from winding_rig_node.machine.machine_config import MachineConfig
 
-# A machine has wound for so long before it is commanded [s].
-BEGIN = 1.0
+BEGIN = 1.0  # A machine has wound for so long before it is commanded [s]
 
 
 def machine(case: int = 4, duration: float = 60.0, seed: int = 1) -> Machine:

@@ -26,8 +26,7 @@ COURSES: dict[str, Callable[[float], AxisTarget]] = {
 }
 
 
-# An answer that was lost is repeated: the machine may be waiting for it [s].
-REPEATED = 0.1
+REPEATED = 0.1  # An answer that was lost is repeated: the machine may be waiting for it [s]
 
 
 class Commander(Node):

@@ -173,9 +173,7 @@ ROUTES = [(0.3,), (15.0,), (15.0, 9.0), (15.0, 9.0, 22.0), (8.0, -1.0, 3.0), (4.
 
 
 @pytest.mark.parametrize("route", ROUTES)
-def test_the_path_is_the_lay_and_the_kernels_find_their_way_in_it(
-    route: tuple[float, ...],
-) -> None:
+def test_the_path_is_the_lay_and_the_kernels_find_their_way_in_it(route: tuple[float, ...]) -> None:
     lay, seen, _ = wound(3, *route)
     path, end = seen.path.table, lay.wound_angle
     theta = np.linspace(0.0, end, 997)

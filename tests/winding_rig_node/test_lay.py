@@ -31,10 +31,8 @@ RHO = CASE.centreline_radius
 STEP = 2.0e-3
 PLAIN = HiddenRig(free_length=0.19, load_share=0.7, drag=0.1)
 ADVANCE = 3.0e-3
-# The cylinder's angle after the 20 s of the paper's drive [rad].
-END = 33.93
-# Where a carriage stands [m] at an angle of the cylinder [rad].
-Carriage = Callable[[float], float]
+END = 33.93  # The cylinder's angle after the 20 s of the paper's drive [rad]
+Carriage = Callable[[float], float]  # Where a carriage stands [m] at an angle of the cylinder [rad]
 # z between two kept points of the path: a straight line across a step of 0.02 rad of a curve
 # that bends by less than 1 mm/rad^2.
 CHORD = 1.0e-7
@@ -239,18 +237,10 @@ def length_at(lay: DrivenLay, theta: np.ndarray) -> np.ndarray:
 
 def test_what_has_landed_has_the_length_of_its_spacings() -> None:
     lay = DrivenLay(CASE, HiddenRig.drawn(np.random.default_rng(5)))
-    wind(
-        lay,
-        28.0,
-        lambda angle: 4.0e-3 * angle + 6.0e-3 * math.sin(angle),
-        pull=1.3 * CASE.weight,
-    )
+    wind(lay, 28.0, lambda angle: 4.0e-3 * angle + 6.0e-3 * math.sin(angle), pull=1.3 * CASE.weight)
     # Between kept points the length is a straight line: its rate changes by 2 % per step at most.
     np.testing.assert_allclose(
-        length_at(lay, lay.marker_theta),
-        CASE.marker_spacing * np.arange(5),
-        rtol=0,
-        atol=1.0e-6,
+        length_at(lay, lay.marker_theta), CASE.marker_spacing * np.arange(5), rtol=0, atol=1.0e-6
     )
 
 

@@ -1,7 +1,5 @@
 """Cable on a drum rests on what lies below, climbs at the flange, and lands at its own radius."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 
@@ -17,8 +15,7 @@ from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
 from winding_rig_node.camera.shown_lay import GrowingLay
-from winding_rig_node.lay.driven_lay import DrivenLay
-from winding_rig_node.lay.laid_turns import LaidTurns
+from winding_rig_node.lay.driven_lay import DrivenLay, LaidTurns
 from winding_rig_node.lay.lay_on import GRID_STEP, HiddenRig
 from winding_rig_node.lay.truth import truth_record
 

@@ -30,12 +30,7 @@ from winding_ros.messages.rig import decode_tension, encode_tension
 from winding_ros.runtime.managed_node import ManagedNode
 
 NODES = ("correction", "fem", "rig")
-NAMES = {
-    CONFIGURE: "configure",
-    ACTIVATE: "activate",
-    DEACTIVATE: "deactivate",
-    CLEANUP: "cleanup",
-}
+NAMES = {CONFIGURE: "configure", ACTIVATE: "activate", DEACTIVATE: "deactivate", CLEANUP: "cleanup"}
 UNCONFIGURED = State.PRIMARY_STATE_UNCONFIGURED
 INACTIVE = State.PRIMARY_STATE_INACTIVE
 ACTIVE = State.PRIMARY_STATE_ACTIVE

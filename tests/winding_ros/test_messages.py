@@ -40,11 +40,7 @@ from winding_ros.messages.clouds import (
     encode_cloud,
     encode_line_strip,
 )
-from winding_ros.messages.commands import (
-    decode_targets,
-    decode_trajectory,
-    encode_targets,
-)
+from winding_ros.messages.commands import decode_targets, decode_trajectory, encode_targets
 from winding_ros.messages.diagnostics import (
     NAME,
     decode_case_votes,

@@ -1,15 +1,12 @@
 """Commands that run in processes of their own, and the wait for what they do."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable
 
-# Ten times what a loaded machine needs for imports and a first case.
-PATIENCE = 120.0
+PATIENCE = 120.0  # Ten times what a loaded machine needs for imports and a first case
 
 
 def start(command: str, *arguments: object, **how: object) -> subprocess.Popen[str]:

@@ -1,7 +1,5 @@
 """A commissioning run: sensitivities, what it narrows, what stays unknown, what it leaves."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from pathlib import Path
@@ -20,16 +18,10 @@ from winding_core.catalogue.cables import read_cable
 from winding_core.parameters import ParameterError
 from winding_core.run_spec import RunSpec
 from winding_study.commissioning.design import SIGMA_THETA, SIGMA_Z, ranked
-from winding_study.commissioning.motion import (
-    MachineReach,
-    Motion,
-    candidates,
-    clearing_advance,
-)
+from winding_study.commissioning.motion import MachineReach, Motion, candidates, clearing_advance
 from winding_study.commissioning.result import cable_of, cell_text_of, remarks
 
-# A cell takes a dozen rods, on a busy computer minutes.
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(900)  # A cell takes a dozen rods, on a busy computer minutes
 
 WHAT = Condition(case=4, law="neo_hookean", markers=24).resolved()
 CONFIG: WindingConfig = SolverParameters().config_of(WHAT)

@@ -1,7 +1,5 @@
 """Constants fitted to measurements: the rig, and the laws of a tensile test."""
 
-from __future__ import annotations
-
 import json
 
 import numpy as np

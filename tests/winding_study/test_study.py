@@ -1,7 +1,5 @@
 """The study of the twelve cases and the tables that it writes."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json

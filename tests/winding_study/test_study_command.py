@@ -1,7 +1,5 @@
 """`winding study`: its record, its pictures and its options."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import math
@@ -365,8 +363,7 @@ def test_runs_too_short_to_compare_are_refused(tmp_path) -> None:
 def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> None:
     out = tmp_path / "study.json"
     result = _study(
-        *("--fem", "published", "--json", str(out), "--seeds", "0", "--steps", "5"),
-        folder=tmp_path,
+        *("--fem", "published", "--json", str(out), "--seeds", "0", "--steps", "5"), folder=tmp_path
     )
     assert result.exit_code == 0, result.stderr
     assert not (tmp_path / "store").exists()

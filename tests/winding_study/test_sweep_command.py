@@ -1,7 +1,5 @@
 """`winding sweep` as people run it: tables, refusals, shards, kills and a real cluster."""
 
-from __future__ import annotations
-
 import inspect
 import os
 import signal

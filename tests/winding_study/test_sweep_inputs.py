@@ -1,7 +1,5 @@
 """What a sweep reads and keeps: its YAML, and the store of finished runs."""
 
-from __future__ import annotations
-
 import math
 import multiprocessing
 import os

@@ -8,8 +8,7 @@ from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.cases import paper_case
 
-# What the load cells of the example drivers say [N].
-PULL = 1.96
+PULL = 1.96  # What the load cells of the example drivers say [N]
 
 
 @pytest.fixture(scope="session")

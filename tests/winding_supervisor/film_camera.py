@@ -25,8 +25,7 @@ from winding_ros.messages.rig import JointStateReader
 from winding_ros.topic import PolledTopic
 
 CASE = 4
-# The cell reads its encoders this often at most [s].
-LOOK_PERIOD = 0.0005
+LOOK_PERIOD = 0.0005  # The cell reads its encoders this often at most [s]
 
 
 def draw(film: Path, seconds: float, rate: float) -> None:

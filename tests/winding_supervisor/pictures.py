@@ -12,8 +12,7 @@ from winding_rig_node.camera.scene import Scene
 from winding_rig_node.lay.known_lay import published_lay
 from winding_ros.messages.camera import CameraReading
 
-# How long every published run was wound, at least [s].
-DURATION = 20.0
+DURATION = 20.0  # How long every published run was wound, at least [s]
 
 
 class Pictures:

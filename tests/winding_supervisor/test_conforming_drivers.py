@@ -18,8 +18,7 @@ EXAMPLES = Path(__file__).parents[2] / "examples"
 CELL = Path(__file__).with_name("camera_cell.py")
 NAMESPACE = "driven"
 IN_NAMESPACE = in_namespace(NAMESPACE)
-# P1 of case 4 has landed by then, and P2 has not [s].
-DURATION = 5
+DURATION = 5  # P1 of case 4 has landed by then, and P2 has not [s]
 # What the solver predicts of the example drivers' pull, within the specification's 0.05 %, and what
 # the paper measured, which is what the cell winds [m], within the issue's 0.2 %.
 PREDICTED, MEASURED = "s_fem_m", "s_tracked_m"

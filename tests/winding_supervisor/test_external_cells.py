@@ -25,12 +25,10 @@ pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(9
 
 CELL = Path(__file__).with_name("camera_cell.py")
 NAMESPACE = "cell"
-# P2 of case 4 has landed and has been seen by then [s].
-DURATION = 12.0
+DURATION = 12.0  # P2 of case 4 has landed and has been seen by then [s]
 # What the paper measured of P1 and P2 of case 4, which is what the cell winds [m].
 MEASURED = (0.10685, 0.21336)
-# Issue's bar for encoders and cameras with losses, delays and pauses.
-NEAR = 2.0e-3
+NEAR = 2.0e-3  # Issue's bar for encoders and cameras with losses, delays and pauses
 # A record with one of these brings no measured length.
 UNSEEN = int(MarkerFlag.OCCLUDED | MarkerFlag.NOT_WOUND | MarkerFlag.PREDICTED)
 REVERSED = ("--cylinder-scale", -1.0, "--carriage-scale", -1.0)

@@ -7,13 +7,9 @@ from typing import Any
 
 import pytest
 
-pytestmark = [
-    pytest.mark.processes,
-    pytest.mark.timeout(600),
-]
+pytestmark = [pytest.mark.processes, pytest.mark.timeout(600)]
 
-# P1 of case 4 has landed by then, and P2 has not.
-DURATION = "5"
+DURATION = "5"  # P1 of case 4 has landed by then, and P2 has not
 
 
 @pytest.fixture

@@ -34,8 +34,7 @@ REFUSED_ONCE = """        first, self.asked = not hasattr(self, "asked"), True
         response.message = "the door is open" if first else ""
         return response
 """
-# Of a length [%]: less than the correction leaves of case 4.
-LIMIT = 0.2
+LIMIT = 0.2  # Of a length [%]: less than the correction leaves of case 4
 
 
 class ConductedSession:

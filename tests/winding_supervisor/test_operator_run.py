@@ -65,10 +65,7 @@ class Machine:
         self.buffer.add(
             topic,
             BufferedMessage(
-                stamp_ns=round(t * 1e9),
-                sent_ns=self.wall_ns,
-                received_ns=self.wall_ns,
-                data=data,
+                stamp_ns=round(t * 1e9), sent_ns=self.wall_ns, received_ns=self.wall_ns, data=data
             ),
         )
 

@@ -19,8 +19,7 @@ from winding_supervisor.processes.orchestrator import GraphConfig, Orchestrator
 
 NAMESPACE = "starting"
 PATIENCE = 120.0
-# What a node may be idle for [s]: far less than its kernels take to compile.
-IDLE = 2.0
+IDLE = 2.0  # What a node may be idle for [s]: far less than its kernels take to compile
 
 
 @pytest.fixture

@@ -28,9 +28,9 @@ from winding_ros.topic import Topic
 from winding_supervisor.machines.standing_axes import standing_axes
 from winding_supervisor.processes.discovery import RivalWatch
 from winding_supervisor.processes.node_process import Backoff
-from winding_supervisor.session.completion import Completion
 from winding_supervisor.session.run_config import RunConfig
 from winding_supervisor.session.run_parts import describe_machine
+from winding_supervisor.session.session import Completion
 from winding_supervisor.watch.event_log import EventLog, read_events
 from winding_supervisor.watch.load_monitor import LoadMonitor
 from winding_supervisor.watch.sensor_watch import SensorWatch

@@ -3,8 +3,6 @@
 The runs are made here with this rod: nothing of that data set is kept.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import pickle

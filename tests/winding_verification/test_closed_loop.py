@@ -8,8 +8,6 @@ The study takes 40 minutes of processor time and its result is on file, in `data
 What is promised is judged on the whole of it; one case of it is wound anew.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

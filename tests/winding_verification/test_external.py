@@ -80,11 +80,7 @@ def pendulum(folder: Path, young: float = 1.0e7) -> Path:
     drop = np.sqrt((1.0 + strain) ** 2 - slope**2)
     z = -np.concatenate([[0.0], np.cumsum(0.5 * (drop[1:] + drop[:-1]) * np.diff(s))])
     one = rod(
-        np.stack([x, 0.0 * s, z], axis=1),
-        0.002,
-        young,
-        start="pinned",
-        rest_arc_length=s.tolist(),
+        np.stack([x, 0.0 * s, z], axis=1), 0.002, young, start="pinned", rest_arc_length=s.tolist()
     )
     gravity = [0.0, 0.0, -GRAVITY]
     return write(

@@ -1,7 +1,5 @@
 """A film as camera: order and times of its messages, and the tracker that follows it live."""
 
-from __future__ import annotations
-
 import csv
 import os
 import signal

@@ -27,8 +27,7 @@ CAMERA_CLOCK = "camera/image_raw: stamped at exposure by the encoder's clock"
 def winding_encoder(rate: float = 1000.0, seconds: float = 1.0) -> Heard:
     t = np.arange(0.0, seconds, 1.0 / rate)
     return Heard(
-        stamps=t.tolist(),
-        values=[(1.74 * x, 1.74, 5.0e-3 * x, 5.0e-3) for x in t.tolist()],
+        stamps=t.tolist(), values=[(1.74 * x, 1.74, 5.0e-3 * x, 5.0e-3) for x in t.tolist()]
     )
 
 
@@ -246,10 +245,7 @@ LOST = "rig/joint_targets end in motion: both axes stand within 2 s"
     ("driver", "broken"),
     [
         ({}, None),
-        (
-            {"if not self.goal or abs": "if abs", "self.share * min(max(way": "min(max(way"},
-            BEFORE,
-        ),
+        ({"if not self.goal or abs": "if abs", "self.share * min(max(way": "min(max(way"}, BEFORE),
         ({"or abs(age) > DEAD_MAN": ""}, LATE),
         ({"way / 0.05": "way / 50.0"}, FOLLOWED),
         ({"since > DEAD_MAN": "since > 1.0e9"}, LOST),

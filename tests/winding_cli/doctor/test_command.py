@@ -111,7 +111,7 @@ def test_everything_that_is_wrong_is_reported_in_one_go(tmp_path: Path) -> None:
 
 def test_doctor_itself_needs_no_ros() -> None:
     look = (
-        "import sys, winding_cli.cli, winding_cli.doctor.examination\n"
+        "import sys, winding_cli.cli, winding_cli.commands.doctor\n"
         "print('rclpy' in sys.modules, 'sensor_msgs' in sys.modules)"
     )
     done = subprocess.run(

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
+from winding_cli.commands.doctor import udp_ports
 from winding_cli.doctor import network
-from winding_cli.doctor.examination import udp_ports
 from winding_cli.doctor.finding import Finding, Level
 from winding_cli.doctor.installation import judge_variables
 from winding_cli.doctor.network import Exchange, exchange, judge_exchange

@@ -1,7 +1,5 @@
 """ROS adapter of the solver: the machine's motion in, cable and markers out."""
 
-from __future__ import annotations
-
 import functools
 import traceback
 from typing import Any

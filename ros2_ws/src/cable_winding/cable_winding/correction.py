@@ -1,7 +1,5 @@
 """Learn and apply the correction of predicted lengths, as an estimator of scikit-learn."""
 
-from __future__ import annotations
-
 import math
 from os import PathLike
 from pathlib import Path

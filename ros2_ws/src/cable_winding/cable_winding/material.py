@@ -1,7 +1,5 @@
 """Identify the material of a cable from its markers, or from a tensile test."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
@@ -23,8 +21,7 @@ from winding_core.run_inputs import planned_inputs
 from winding_study.identification.sources import recorded_run
 from winding_study.identification.tensile import LawFit, TensileTest, fit_laws
 
-# The markers of one run, or the recording that holds them.
-Source = Markers | str | PathLike[str]
+Source = Markers | str | PathLike[str]  # The markers of one run, or the recording that holds them
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
 """Plan the machine's motion that lays a cable where it is wanted."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from os import PathLike

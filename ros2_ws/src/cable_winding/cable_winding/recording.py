@@ -1,7 +1,5 @@
 """Read what a run leaves behind: its results and its recording."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

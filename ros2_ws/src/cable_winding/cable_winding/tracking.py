@@ -1,7 +1,5 @@
 """Measure the markers in a film."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path

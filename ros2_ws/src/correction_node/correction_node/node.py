@@ -1,7 +1,5 @@
 """ROS adapter of the correction: predicted and measured markers in, corrected lengths out."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from correction_node.live.run_corrector import RunCorrector

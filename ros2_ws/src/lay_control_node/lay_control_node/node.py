@@ -1,7 +1,5 @@
 """ROS adapter of the lay controller: measured lay in, commands of guide and brake out."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """ROS adapter of the tracker: frames and encoder in, measured markers out."""
 
-from __future__ import annotations
-
 import threading
 import traceback
 from contextlib import ExitStack
@@ -106,10 +104,6 @@ class ComposedTrackerNode(MarkerTrackerNode):
 
     Publishes camera/camera_info with every frame, camera/image_raw and its preview at 25 Hz, and
     tracker/markers for every frame, and tracker/lay. Subscribes to rig/joint_states.
-
-    Args:
-        camera: Opens the camera while the node is active.
-        kwargs: Of the node.
     """
 
     def __init__(self, camera: Camera, **kwargs: Any) -> None:

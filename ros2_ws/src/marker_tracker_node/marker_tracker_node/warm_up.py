@@ -1,7 +1,5 @@
 """Compiles the kernels before a run: pictures that show nothing are measured and forgotten."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera

@@ -1,7 +1,5 @@
 """Follow a guide on a robot arm: python -m winding_arm_driver --mapping arm.yaml --ros-args ..."""
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import signal

@@ -1,14 +1,11 @@
 """What the arm reports becomes the guide's place; what is wanted of the guide leads the arm."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from winding_arm_driver.frames import FrameTree
 from winding_arm_driver.leading import GuideLead, Led
 from winding_core.arm.arm_file import ArmMapping
 from winding_core.arm.kinematics import Arm
@@ -17,23 +14,61 @@ from winding_core.machine.commands import CARRIAGE, JointTargets
 from winding_core.machine.joining import Joiner
 from winding_core.machine.readings import AxisReading, GuidePlace
 
+_MOST_FRAMES = 1000  # A chain that is longer leads in a circle
+
+
+class FrameTree:
+    """Newest transforms from parents to children, as TF publishes them."""
+
+    def __init__(self) -> None:
+        self._parents: dict[str, tuple[str, Pose]] = {}
+
+    def add(self, parent: str, child: str, pose: Pose) -> None:
+        """Take where a child frame stands in its parent."""
+        self._parents[child] = (parent, pose)
+
+    def chain(self, frame: str) -> list[str]:
+        """Return a frame and its parents, the root last.
+
+        Raises:
+            ValueError: They lead in a circle.
+        """
+        found = [frame]
+        while found[-1] in self._parents:
+            found.append(self._parents[found[-1]][0])
+            if len(found) > _MOST_FRAMES:
+                raise ValueError(f"the parents of frame {frame} lead in a circle")
+        return found
+
+    def between(self, base: str, tip: str) -> Pose | None:
+        """Return where a tip stands in a base; None where no transforms join them.
+
+        Raises:
+            ValueError: Their parents lead in a circle.
+        """
+        up, down = self.chain(base), self.chain(tip)
+        shared = next((frame for frame in up if frame in down), None)
+        if shared is None:
+            return None
+        return self._from(shared, base).inverse() @ self._from(shared, tip)
+
+    def _from(self, ancestor: str, frame: str) -> Pose:
+        pose = Pose.standing()
+        while frame != ancestor:
+            parent, own = self._parents[frame]
+            pose, frame = own @ pose, parent
+        return pose
+
+
 _ANGLE, _PLACE = "angle", ("x", "y", "z")
 # How long a value of the cylinder waits for one of the guide, and the other way round [s].
 WAIT = 0.1
-# A cylinder that turns by less in so long stands [rad], [s].
-_MOTION, _STANDS = 2.0e-3, 0.3
-# Without a report for so long the guide is silent [s].
-_SILENT = 1.0
+_MOTION, _STANDS = 2.0e-3, 0.3  # A cylinder that turns by less in so long stands [rad], [s]
+_SILENT = 1.0  # Without a report for so long the guide is silent [s]
 
 
 class Guided:
     """The guide of one machine.
-
-    Args:
-        mapping: Of the machine.
-
-    Attributes:
-        lead: What leads the guide.
 
     Raises:
         ArmError: The arm's description cannot be used.
@@ -53,7 +88,7 @@ class Guided:
         self._heard = {"cylinder": -np.inf, "guide": -np.inf}
         # Angle at which the cylinder was last seen to have turned [rad], and when [s].
         self._rested, self._turned = math.nan, -math.inf
-        self.lead = GuideLead(mapping.commands, axis, self._eye, self._arm)
+        self.lead = GuideLead(mapping.commands, axis, self._eye, self._arm)  # What leads the guide
 
     @property
     def joint_names(self) -> list[str]:

@@ -1,7 +1,5 @@
 """How the guide is led along the axis: after a target, within its limits and those of the arm."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 
@@ -17,8 +15,7 @@ from winding_core.machine.commands import CARRIAGE, AxisTarget
 # Rate at which a commanded velocity closes up to the setpoint [1/s]: a quarter of what a dead time
 # of 50 ms would make ring.
 _CLOSING_RATE = 5.0
-# A guide this much slower than it may go is reported as slowed.
-_SLOWED = 0.98
+_SLOWED = 0.98  # A guide this much slower than it may go is reported as slowed
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
 """ROS side of the driver: cylinder, arm and targets in; joint states and commands out."""
 
-from __future__ import annotations
-
 import importlib
 import time
 from collections import Counter
@@ -56,10 +54,6 @@ _COMMANDS = {
 
 class ArmDriverNode(Node):  # type: ignore[misc]
     """Plain node: publishes rig/joint_states, the arm's commands and /diagnostics.
-
-    Args:
-        mapping: Of the machine.
-        context: Of ROS, initialised.
 
     Raises:
         MappingError: TF is to be read and its message type is not installed.

@@ -1,7 +1,5 @@
 """The application `winding`: its commands by name, each imported when it is used."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Iterator, Mapping
 from importlib.metadata import EntryPoint, entry_points, version

@@ -1,7 +1,5 @@
 """The `winding` command: signals are watched before anything heavy is imported."""
 
-from __future__ import annotations
-
 import errno
 import os
 import sys
@@ -9,8 +7,7 @@ import sys
 from winding_cli.terminal.termination import INTERRUPTED, end, ignore_signals, watch_signals
 
 FAILED = 1
-# As a shell reports a program that a closed pipe has ended.
-CLOSED_PIPE = 141
+CLOSED_PIPE = 141  # As a shell reports a program that a closed pipe has ended
 
 
 def main() -> None:

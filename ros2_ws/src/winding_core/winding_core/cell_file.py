@@ -1,7 +1,5 @@
 """A cell file: YAML that describes a run, read with the place of every value."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field

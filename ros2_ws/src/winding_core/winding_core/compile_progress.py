@@ -1,14 +1,11 @@
 """Which kernels a process compiles, for whoever waits for it; nothing of the compiler's is here."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 
-# Key of the value of a node's status that holds how far its kernels are.
-COMPILING = "compiling"
+COMPILING = "compiling"  # Key of the value of a node's status that holds how far its kernels are
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,8 +5,6 @@ by a digest of all definitions of our packages that it reaches, without comments
 change compiles what it reaches, and no code outlives its sources.
 """
 
-from __future__ import annotations
-
 import ast
 import contextlib
 import functools

@@ -1,7 +1,5 @@
 """Whether the corrected lengths of a run are good enough, and whether the correction helped."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -68,8 +66,7 @@ class MarkerError:
     id: int  # n of Pn.
     predicted: float | None  # Of the prediction.
     corrected: float | None  # Of the corrected length.
-    # Of the length corrected by a factor that was learned without this case.
-    held_out: float | None
+    held_out: float | None  # Of the length corrected by a factor that was learned without this case
 
     @property
     def name(self) -> str:

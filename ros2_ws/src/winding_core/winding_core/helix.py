@@ -1,7 +1,5 @@
 """Paths on a cylinder: helix, and where a cable lands whose guide traverses beside it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import TypeVar

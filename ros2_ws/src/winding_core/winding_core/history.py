@@ -14,10 +14,6 @@ class History(Sequence[Item]):
     A full sample drops every second item and doubles its stride, so a run of any length is
     covered from its start. Without a sample the oldest items go. One thread appends; others may
     read meanwhile.
-
-    Attributes:
-        taken: Items that ever came.
-        stride: Of the sample; 1 while nothing has been dropped from it.
     """
 
     def __init__(
@@ -33,8 +29,8 @@ class History(Sequence[Item]):
         """
         if min(newest, older) < 0 or newest + older < 1:
             raise ValueError(f"a history needs room for items, got {newest} and {older}")
-        self.taken = 0
-        self.stride = 1
+        self.taken = 0  # Items that ever came
+        self.stride = 1  # Of the sample; 1 while nothing has been dropped from it
         self._room = (newest, older)
         self._merge = merge
         self._dropped: Item | None = None

@@ -1,7 +1,5 @@
 """Markers: their records, what they look like, and where the first one stands."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from enum import IntFlag
@@ -166,8 +164,7 @@ class MarkerLook:
         return hues
 
 
-# Smallest difference of paints that are distinguished by their hue alone [deg].
-LEAST_APART = 20.0
+LEAST_APART = 20.0  # Smallest difference of paints that are distinguished by their hue alone [deg]
 
 
 def _hue(word: str) -> float:

@@ -1,7 +1,5 @@
 """Parameters declared once: dataclass fields that carry type, default, range and meaning."""
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import math
@@ -17,8 +15,7 @@ Value = bool | int | float | str | list[float]
 Configuration = TypeVar("Configuration")
 
 
-# A sentence shows so much of what was given [characters].
-_SHOWN = 120
+_SHOWN = 120  # A sentence shows so much of what was given [characters]
 
 
 class ParameterError(ValueError):
@@ -227,8 +224,7 @@ def declared_in(configuration: type, values: Mapping[str, Any]) -> dict[str, Any
     return {name: value for name, value in values.items() if name in names}
 
 
-# How a refusal writes the name of an option.
-Spelling = Callable[[str], str]
+Spelling = Callable[[str], str]  # How a refusal writes the name of an option
 
 
 def options(configuration: type) -> dict[str, Declaration]:

@@ -1,7 +1,5 @@
 """A picture as a camera delivers it, and the encodings that hold colours (REP-118)."""
 
-from __future__ import annotations
-
 import re
 from typing import Any, NamedTuple
 

@@ -114,10 +114,6 @@ class RunHistory:
     samples a model follows a cubic through positions and speeds, which a winding machine leaves
     by less than its encoder's step. A kept tension is the mean of what was read since the sample
     before.
-
-    Args:
-        period: Time between kept samples [s].
-        capacity: Most samples.
     """
 
     def __init__(self, *, period: float = 0.02, capacity: int = 4096) -> None:

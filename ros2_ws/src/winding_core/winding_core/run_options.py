@@ -1,7 +1,5 @@
 """Options of a run that several nodes and commands share, each record declared once."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -13,16 +11,7 @@ from winding_core.machine.axes import MachineAxes
 from winding_core.markers import MarkerParameters
 from winding_core.parameters import parameter
 from winding_core.raw_image import ENCODINGS
-from winding_core.units import (
-    LENGTH,
-    PATH,
-    PLAIN,
-    ROW_TIME,
-    SHORT_TIME,
-    SIZE,
-    SMALL_ANGLE,
-    TIME,
-)
+from winding_core.units import LENGTH, PATH, PLAIN, ROW_TIME, SHORT_TIME, SIZE, SMALL_ANGLE, TIME
 
 SIMULATED, EXTERNAL = "simulated", "external"
 # How an external machine begins.
@@ -234,8 +223,7 @@ class LayWish:
     brake: bool = parameter(False, "whether the machine has a brake that takes commands", PLAIN)
 
 
-# Component of the page's status that carries the limits.
-COMPONENT = "limits"
+COMPONENT = "limits"  # Component of the page's status that carries the limits
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -293,8 +281,7 @@ class RunPage:
     dashboard_port: int = parameter(8080, "TCP port of that page", PLAIN, 1, 65535)
 
 
-# A label fits a column of a table [characters].
-_LONGEST_LABEL = 200
+_LONGEST_LABEL = 200  # A label fits a column of a table [characters]
 
 
 @dataclass(frozen=True, kw_only=True)

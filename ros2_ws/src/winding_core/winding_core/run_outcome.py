@@ -1,7 +1,5 @@
 """How a run came out: what was asked and done, who ended it and why, what was lost and judged."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

@@ -56,11 +56,7 @@ USUAL = (
     *("weights", "output", "bag", "dashboard", "namespace"),
 )
 # Of these the one that is given over a file replaces the file's.
-_ALTERNATIVES = (
-    *ALTERNATIVES,
-    ("turns", "wound_length_mm"),
-    ("program", "pitch_mm"),
-)
+_ALTERNATIVES = (*ALTERNATIVES, ("turns", "wound_length_mm"), ("program", "pitch_mm"))
 _OF_SIMULATED = (*options(declared.SimulatedMachine), *options(declared.SimulatedCamera))
 _OF_EXTERNAL = (*options(MachineAxes), "start", "turns", "wound_length_mm", "standing_s")
 _OF_PIXELS = (*options(declared.CameraPixels), "image_transport")
@@ -331,8 +327,7 @@ class RunSpec:
         return f"{', '.join(words)} and {last} {many}" if words else f"{last} {one}"
 
 
-# So much earlier ends what fills a drum [ms].
-_BEFORE_FULL_MS = 3
+_BEFORE_FULL_MS = 3  # So much earlier ends what fills a drum [ms]
 
 
 def _of_filling(given: Mapping[str, object], source: Source) -> dict[str, object]:

@@ -1,7 +1,5 @@
 """State of a node's components, as REP-107 grades it, and the phase of a run among them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from enum import Enum, IntEnum

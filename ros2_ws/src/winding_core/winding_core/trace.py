@@ -1,7 +1,5 @@
 """Instants on the way of a corrected length, as each node notes them: one dtype for all."""
 
-from __future__ import annotations
-
 from enum import IntEnum
 
 import numpy as np

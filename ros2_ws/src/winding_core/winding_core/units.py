@@ -1,7 +1,5 @@
 """Units: everything is SI inside; people type and read millimetres and megapascals."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

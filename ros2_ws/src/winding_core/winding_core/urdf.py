@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 BASE, CYLINDER, GUIDE = "winder_axis", "cylinder", "guide"
 MARKER, LOAD_CELL, CAMERA = "p0", "load_cell", "camera_optical_frame"
 
-# The drum is drawn beyond the first and the last turn by this much [m].
-_MARGIN = 0.02
+_MARGIN = 0.02  # The drum is drawn beyond the first and the last turn by this much [m]
 # Camera x, y, z (right, down, forward) in the lab frame, as columns, where it is not tilted.
 _FACING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 
@@ -31,8 +30,7 @@ _FACING = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
 # Physics engines want masses: those of solid aluminium [kg/m^3], and of a carriage [kg].
 _DENSITY = 2700.0
 _CARRIAGE_MASS = 1.0
-# The eye of the guide is drawn larger than the cable by this factor.
-_EYE = 2.0
+_EYE = 2.0  # The eye of the guide is drawn larger than the cable by this factor
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,13 +1,10 @@
 """YAML that a person gave, read so that no text can do more than be refused."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import yaml
 
-# Parameters, sweeps and cameras take a few kilobytes.
-MOST_CHARACTERS = 1_000_000
+MOST_CHARACTERS = 1_000_000  # Parameters, sweeps and cameras take a few kilobytes
 
 
 class YamlTextError(ValueError):
@@ -34,10 +31,6 @@ class PlainLoader(yaml.SafeLoader):
 
 def load_yaml(text: str, loader: type[yaml.SafeLoader] = PlainLoader) -> Any:
     """Return what a YAML document holds: mappings, lists, numbers, texts.
-
-    Args:
-        text: The document.
-        loader: PlainLoader, or a stricter one.
 
     Raises:
         YamlTextError: Why it is refused, in one line.

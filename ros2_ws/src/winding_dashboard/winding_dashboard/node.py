@@ -1,7 +1,5 @@
 """ROS adapter of the operator's page: one thread spins for answers, looks come on request."""
 
-from __future__ import annotations
-
 import math
 import os
 import threading
@@ -43,22 +41,17 @@ class DashboardNode(Node):  # type: ignore[misc]
     nodes. A supervised one publishes heartbeats and, in /diagnostics, the operator's limits;
     any client may set those two parameters.
 
-    Attributes:
-        parameters: As the page was started.
-        token: Secret that a browser must bring; empty for none. It is no parameter.
-        state: What the page shows.
-        topic_reader: Takes the newest messages into the state.
-        service_client: Calls the graph's services.
-
     Raises:
         ParameterError: A parameter is refused.
     """
 
     def __init__(self, context: Context, **kwargs: Any) -> None:
         super().__init__(NAME, context=context, **kwargs)
-        self.parameters = declare_parameters(self, DashboardParameters)
+        self.parameters = declare_parameters(self, DashboardParameters)  # As the page was started
+        # Secret that a browser must bring; empty for none. It is no parameter.
         self.token = self.parameters.token()
         add_parameter_validation(self, DashboardParameters, lambda: True)
+        # What the page shows.
         self.state = ViewState(
             nodes=tuple(reversed(self.parameters.named_nodes or NODES)),
             machine=topics.RIG,
@@ -74,9 +67,11 @@ class DashboardNode(Node):  # type: ignore[misc]
             enable_rosout=False,
             cli_args=kwargs.get("cli_args"),
         )
+        # Takes the newest messages into the state.
         self.topic_reader = TopicReader(self._watcher, self.parameters, self.state)
         self._executor = EventsExecutor(context=context)
         self._executor.add_node(self)
+        # Calls the graph's services.
         self.service_client = ServiceClient(
             self,
             self._executor.wake,

@@ -1,7 +1,5 @@
 """Drive a PLC-run machine: python -m winding_plc_driver --mapping machine.yaml --ros-args ..."""
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import contextlib

@@ -1,7 +1,5 @@
 """Keeps the link, passes values and commands on and reports the state; imports no ROS."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Callable, Mapping

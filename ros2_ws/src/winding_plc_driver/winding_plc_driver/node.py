@@ -1,7 +1,5 @@
 """ROS side of the driver: the topics and services of a machine, and nothing else."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time
@@ -18,13 +16,7 @@ from sensor_msgs.msg import JointState
 
 from winding_core.machine.joining import Sample
 from winding_core.status import Status
-from winding_plc_driver.machine.mapping import (
-    ANGLE,
-    ANGULAR_SPEED,
-    CARRIAGE,
-    COMMANDS,
-    FEED_SPEED,
-)
+from winding_plc_driver.machine.mapping import ANGLE, ANGULAR_SPEED, CARRIAGE, COMMANDS, FEED_SPEED
 from winding_plc_driver.machine.pacing import Measured
 from winding_ros import graph, services, topics
 from winding_ros.messages.diagnostics import encode_diagnostics

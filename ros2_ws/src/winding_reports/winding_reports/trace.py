@@ -25,11 +25,7 @@ Floats = NDArray[np.float64]
 _Key = tuple[int, int, int]
 _TO_THE_LENGTH = ("correction: compute", "correction: publish length")
 _MICRO = 1.0e6
-_VERBS = {
-    TraceEvent.EXPOSED: "expose",
-    TraceEvent.TAKEN: "take",
-    TraceEvent.PUBLISHED: "publish",
-}
+_VERBS = {TraceEvent.EXPOSED: "expose", TraceEvent.TAKEN: "take", TraceEvent.PUBLISHED: "publish"}
 # Rows of the viewer: the ways stand above the nodes.
 _WAYS = {"camera": 1, "prediction": 2}
 _FIRST_STATION = 10
@@ -45,15 +41,12 @@ class Hop:
 
 @dataclass(frozen=True, kw_only=True)
 class Way:
-    """How long each corrected length was on its way, hop by hop.
-
-    Attributes:
-        instants: Beginning of each hop, and the end of the last, since 1970 [s], shape (n, k + 1).
-    """
+    """How long each corrected length was on its way, hop by hop."""
 
     name: str  # Where it comes from
     hops: tuple[Hop, ...]  # Its parts in their order, k of them
     stamps: Floats  # Of the corrected lengths [s], shape (n,)
+    # Beginning of each hop, and the end of the last, since 1970 [s], shape (n, k + 1).
     instants: Floats
 
     @property

@@ -1,7 +1,5 @@
 """ROS adapter of the rig: sensors and clock out, start and stop in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
@@ -42,10 +40,6 @@ class RigNode(ManagedNode[RigParameters]):
 
     The machine runs in a thread of its own with absolute deadlines, the camera in another; the
     executor only serves requests and answers.
-
-    Attributes:
-        frame_listener: When set, takes every frame in this process, from the camera's thread,
-            and camera/image_raw falls silent; the preview goes on.
     """
 
     def __init__(self, **kwargs: Any) -> None:
@@ -63,6 +57,8 @@ class RigNode(ManagedNode[RigParameters]):
         ):
             service.serve(self, self._command(act))
         services.SET_CAMERA_INFO.serve(self, self._set_camera_info)
+        # When set, takes every frame in this process, from the camera's thread, and
+        # camera/image_raw falls silent; the preview goes on.
         self.frame_listener: FrameListener | None = None
         follow_fault_parameters(self, self._put_in)
         hear_heartbeat(self, topics.ORCHESTRATOR, self._note_supervisor)

@@ -1,20 +1,12 @@
 """Which process of a run may publish, hear, ask for and serve what, as data and as SROS2 policy."""
 
-from __future__ import annotations
-
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from winding_ros import topics
 from winding_ros.environment import enclave
-from winding_ros.graph import (
-    DEFAULT_NAMESPACE,
-    GRAPH,
-    PAGE,
-    RIG,
-    NodeSpec,
-)
+from winding_ros.graph import DEFAULT_NAMESPACE, GRAPH, PAGE, RIG, NodeSpec
 from winding_ros.runtime.heartbeat import heartbeat_topic
 from winding_ros.services import QUICK_STOP, SEND_GOAL, SERVICES, STOP, served_by
 from winding_ros.topic import Topic

@@ -1,7 +1,5 @@
 """What surrounds the graph's processes: discovery, transport, logs, name remapping."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The graph as data: which nodes there are, what they publish, and who listens."""
 
-from __future__ import annotations
-
 import importlib
 from dataclasses import dataclass, replace
 from enum import Enum
@@ -199,13 +197,7 @@ PAGE = NodeSpec(
     extra_subscriptions=tuple(
         topic
         for topic in topics.TOPICS
-        if topic
-        not in (
-            topics.CLOCK,
-            topics.IMAGE,
-            topics.RECORDER_PROGRESS,
-            topics.TRACE,
-        )
+        if topic not in (topics.CLOCK, topics.IMAGE, topics.RECORDER_PROGRESS, topics.TRACE)
         and topic.publisher not in (topics.COMMANDER, topics.ORCHESTRATOR, topics.RUN_SERVER)
     ),
     policy=Policy.ASIDE,

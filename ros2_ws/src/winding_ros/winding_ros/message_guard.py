@@ -16,25 +16,19 @@ LEAST_STEPS = 8
 # A gap longer than so many periods lost messages; one longer than this is an interruption [s].
 LOST = 1.5
 INTERRUPTION = 1.0
-# A message that follows its predecessor so much later than by their stamps is late [s].
-LATE = 0.05
+LATE = 0.05  # A message that follows its predecessor so much later than by their stamps is late [s]
 # Share of lost messages that raises a warning, once so many have come.
 WARNING_SHARE = 0.01
 WARNING_AFTER = 200
 
 
 class Cadence:
-    """Counts what is lost, doubled, reordered and late, against the median period.
-
-    Attributes:
-        topic: Its name.
-        period: Median step between stamps [s]; 0 before there are enough.
-        counts: Messages by what is wrong with them; an interruption counts once.
-    """
+    """Counts what is lost, doubled, reordered and late, against the median period."""
 
     def __init__(self, topic: str) -> None:
-        self.topic = topic
-        self.period = 0.0
+        self.topic = topic  # Its name
+        self.period = 0.0  # Median step between stamps [s]; 0 before there are enough
+        # Messages by what is wrong with them; an interruption counts once.
         self.counts = dict.fromkeys(("lost", "doubled", "reordered", "late", "interrupted"), 0)
         self._came = 0
         self._steps: deque[float] = deque(maxlen=STEPS)
@@ -101,18 +95,7 @@ class StampError(ValueError):
 
 
 class MessageGuard:
-    """Accepts and refuses the messages of one topic.
-
-    Attributes:
-        topic: Its name.
-        accepted: Messages let in since the run began.
-        refused: Messages kept out.
-        reason: Why the last one was kept out.
-        alarm: Why messages were kept out for longer than PATIENCE; latched until `restart`.
-        contested: Who else publishes; everything is refused while this is not empty.
-        queue: Most messages that were found waiting at once since `restart_queue`.
-        cadence: Of a topic that has a fixed rate, since the run began; None for others.
-    """
+    """Accepts and refuses the messages of one topic."""
 
     def __init__(self, topic: str, *, steady: bool = False) -> None:
         """Let everything in that is in order.
@@ -121,14 +104,16 @@ class MessageGuard:
             topic: Its name.
             steady: Whether it has a fixed rate, whatever that is.
         """
-        self.topic = topic
+        self.topic = topic  # Its name
+        # Of a topic that has a fixed rate, since the run began; None for others.
         self.cadence = Cadence(topic) if steady else None
-        self.accepted = 0
-        self.refused = 0
-        self.reason = ""
+        self.accepted = 0  # Messages let in since the run began
+        self.refused = 0  # Messages kept out
+        self.reason = ""  # Why the last one was kept out
+        # Why messages were kept out for longer than PATIENCE; latched until `restart`.
         self.alarm = ""
-        self.contested = ""
-        self.queue = 0
+        self.contested = ""  # Who else publishes; everything is refused while this is not empty
+        self.queue = 0  # Most messages that were found waiting at once since `restart_queue`
         self._last: float | None = None
         # Since when nothing but refusals has come: a stamp, if it is usable, and an arrival [s].
         self._refusing: tuple[float | None, float] | None = None

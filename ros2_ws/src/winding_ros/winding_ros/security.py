@@ -1,7 +1,5 @@
 """DDS security: a refusal to run open when asked not to."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

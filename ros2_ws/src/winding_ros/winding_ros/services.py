@@ -1,7 +1,5 @@
 """Every service of the graph, declared once: name, type, who serves it, what it does."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

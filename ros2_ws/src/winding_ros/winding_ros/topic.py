@@ -1,7 +1,5 @@
 """One topic of the graph: its declaration, and how a node publishes, subscribes or polls it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass

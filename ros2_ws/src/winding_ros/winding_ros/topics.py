@@ -1,7 +1,5 @@
 """Every topic of the graph, declared once: name, type, rate, publisher, recorded, content."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any
@@ -22,11 +20,7 @@ from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MARKER_DTYPE
 from winding_core.trace import TRACE_DTYPE
 from winding_ros.messages.camera import decode_camera_info, decode_image, decode_preview
 from winding_ros.messages.clouds import decode_cloud, decode_line_width
-from winding_ros.messages.commands import (
-    decode_targets,
-    decode_tension_command,
-    decode_trajectory,
-)
+from winding_ros.messages.commands import decode_targets, decode_tension_command, decode_trajectory
 from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics, decode_material
 from winding_ros.messages.rig import decode_clock, decode_joint_state, decode_quantity
 from winding_ros.messages.stamps import decode_stamp
@@ -34,10 +28,8 @@ from winding_ros.topic import Topic
 
 # Reliable delivery keeps what a stalled reader has not taken yet: depth is rate x worst stall.
 WORST_STALL_S = 2.0
-# Encoders of real machines are read at up to this rate [Hz].
-FASTEST_DRIVER = 2000.0
-# A camera in the tracker's process may take so many frames a second [Hz].
-FASTEST_CAMERA = 1000.0
+FASTEST_DRIVER = 2000.0  # Encoders of real machines are read at up to this rate [Hz]
+FASTEST_CAMERA = 1000.0  # A camera in the tracker's process may take so many frames a second [Hz]
 
 
 def _topic(
@@ -93,8 +85,7 @@ RECORDER, DASHBOARD, ORCHESTRATOR = "recorder", "dashboard", "orchestrator"
 # Takes goals of a cell controller, each of which is a run.
 RUN_SERVER = "run_server"
 EVERY_NODE = "every node"
-# Whoever commands the axes from outside the graph; a run does without.
-COMMANDER = "commander"
+COMMANDER = "commander"  # Whoever commands the axes from outside the graph; a run does without
 
 CLOCK = _topic("/clock", Clock, 100.0, RIG, "simulated time", decode_clock)
 JOINT_STATES = _topic(

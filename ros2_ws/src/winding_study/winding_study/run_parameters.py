@@ -1,7 +1,5 @@
 """What a run of the solver winds, and with what: the options of commands and sweeps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -9,8 +9,6 @@ numbers and text only, under keys that every machine computes alike. A key holds
 sources that a prediction may use, so a changed solver finds none of the runs of another.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import hashlib
 import json
@@ -34,8 +32,7 @@ UNFINISHED = ".unfinished"
 KEY = "run_key"
 Arrays = dict[str, NDArray[Any]]
 PACKAGES = (cable_fem_node, winding_core)
-# The adapter to ROS decides none of a run's numbers.
-_OUTSIDE = {"ros", "node.py", "__main__.py"}
+_OUTSIDE = {"ros", "node.py", "__main__.py"}  # The adapter to ROS decides none of a run's numbers
 
 
 def write_whole(path: Path, write: Callable[[BinaryIO], object]) -> None:

@@ -1,7 +1,5 @@
 """How the solver's kernels are compiled: sums may be reordered, a division by zero is infinite."""
 
-from __future__ import annotations
-
 from functools import partial
 
 from winding_core import compiling

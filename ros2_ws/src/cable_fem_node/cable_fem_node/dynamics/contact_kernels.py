@@ -3,8 +3,6 @@
 Penalty, Coulomb, stick with memory.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 
@@ -24,8 +22,7 @@ from cable_fem_node.dynamics.state import (
     Surface,
 )
 
-# Share of its depth by which a landing node comes back in a step at most.
-_RETURN = 0.25
+_RETURN = 0.25  # Share of its depth by which a landing node comes back in a step at most
 
 
 def _touching(wound: bool) -> Callable[..., None]:
@@ -235,12 +232,7 @@ def _note_rates(begin: int, end: int, dt: float, turned: float, points: Points) 
 
 @called
 def _press(
-    begin: int,
-    end: int,
-    dt: float,
-    surface: Surface,
-    points: Points,
-    k: ContactLaw,
+    begin: int, end: int, dt: float, surface: Surface, points: Points, k: ContactLaw
 ) -> float:
     """Write how cable below pushes nodes, see `Points.below`, and is pushed back where it moves.
 

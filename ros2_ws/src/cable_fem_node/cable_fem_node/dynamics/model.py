@@ -3,8 +3,6 @@
 Rods and solids share it; what differs is where the internal forces come from.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -31,15 +29,7 @@ AXES = "xyz"
 
 
 class ExplicitModel(ABC):
-    """Nodes that move by central differences under internal and external forces.
-
-    Attributes:
-        time: [s]
-        mass: Nodal masses (n,) [kg]; may be changed (point masses) before advancing.
-        gravity: (3,) [m/s^2].
-        load: Nodal loads (3, n) [N] at amplitude one.
-        damping_rate: Mass-proportional damping [1/s], towards rest.
-    """
+    """Nodes that move by central differences under internal and external forces."""
 
     def __init__(self, nodes: ArrayLike, mass: FloatArray) -> None:
         place = np.asarray(nodes, dtype=float)
@@ -48,11 +38,11 @@ class ExplicitModel(ABC):
         count = place.shape[0]
         self.points: Points = empty_points(count)
         self.points.position[:] = place.T
-        self.time = 0.0
-        self.mass = mass
-        self.gravity = np.zeros(3)
-        self.load = np.zeros((3, count))
-        self.damping_rate = 0.0
+        self.time = 0.0  # [s]
+        self.mass = mass  # Nodal masses (n,) [kg]; may be changed (point masses) before advancing
+        self.gravity = np.zeros(3)  # (3,) [m/s^2]
+        self.load = np.zeros((3, count))  # Nodal loads (3, n) [N] at amplitude one
+        self.damping_rate = 0.0  # Mass-proportional damping [1/s], towards rest
         self._free = np.ones((3, count))
         self._driven = np.zeros((3, count))
         self._load_curve = (np.zeros(1), np.ones(1))
@@ -89,10 +79,7 @@ class ExplicitModel(ABC):
             self._free[AXES.index(axis), nodes] = 1.0
 
     def drive(
-        self,
-        nodes: int | Sequence[int] | NDArray[np.intp],
-        velocity: ArrayLike,
-        axes: str = AXES,
+        self, nodes: int | Sequence[int] | NDArray[np.intp], velocity: ArrayLike, axes: str = AXES
     ) -> None:
         """Move nodes with a given velocity (3,) [m/s]."""
         given = np.asarray(velocity, dtype=float)

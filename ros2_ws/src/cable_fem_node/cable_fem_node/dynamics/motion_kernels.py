@@ -1,7 +1,5 @@
 """One central-difference step of free and driven nodes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from cable_fem_node.dynamics.compile import called, kernel

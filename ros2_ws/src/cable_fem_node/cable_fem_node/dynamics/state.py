@@ -194,13 +194,10 @@ class ImpossibleResultError(SolverError):
 
 @dataclass(frozen=True, kw_only=True)
 class CylinderContact:
-    """A rigid cylinder at rest about the z axis that nodes cannot enter.
+    """A rigid cylinder at rest about the z axis that nodes cannot enter."""
 
-    Attributes:
-        reach: Distance of a touching node from the axis [m]: R + r for a rod's centreline, R for
-            the nodes of a solid's surface.
-    """
-
+    # Distance of a touching node from the axis [m]: R + r for a rod's centreline, R for the nodes
+    # of a solid's surface.
     reach: float
     friction: float = Condition.friction  # Coulomb friction; acts where the node is
 

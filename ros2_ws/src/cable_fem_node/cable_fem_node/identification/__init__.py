@@ -1,11 +1,7 @@
 """From where markers lie back to the material of the cable and the rig that wound it."""
 
 from cable_fem_node.identification.fit import Fit, MarkerResidual
-from cable_fem_node.identification.modulus import (
-    ModulusEstimate,
-    identify_modulus,
-    with_young,
-)
+from cable_fem_node.identification.modulus import ModulusEstimate, identify_modulus, with_young
 from cable_fem_node.identification.rig_posterior import RigPosterior, identify_rig
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import (

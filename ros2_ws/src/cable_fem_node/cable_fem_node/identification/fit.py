@@ -1,7 +1,5 @@
 """Where the search ends, the test of its residuals, and how well the parameters are known."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -37,24 +35,20 @@ class MarkerResidual:
 
 @dataclass(frozen=True, kw_only=True)
 class Fit:
-    """Outcome of a search.
-
-    Attributes:
-        covariance: From the deviations of tracker and model, and from the scatter, shape (p, p).
-        scatter: Relative standard deviation of each angle beyond the assumed ones; zero without
-            a misfit.
-        excess: The rod's last answer, for the next search of the same run; None of several runs.
-    """
+    """Outcome of a search."""
 
     parameters: FloatArray  # Shape (p,)
+    # From the deviations of tracker and model, and from the scatter, shape (p, p).
     covariance: FloatArray
     quantile: float  # Factor from a standard error to the half width of a 90 % interval
     residuals: tuple[MarkerResidual, ...]  # Every marker of every run
     chi_square: float  # Of the angles under the assumed deviations
     degrees: int  # Angles less parameters
     misfit: bool  # Whether the residuals contradict the assumed deviations
+    # Relative standard deviation of each angle beyond the assumed ones; zero without a misfit.
     scatter: float
     calls: int  # Calls of the rod per run
+    # The rod's last answer, for the next search of the same run; None of several runs.
     excess: RodExcess | None = None
 
     @property

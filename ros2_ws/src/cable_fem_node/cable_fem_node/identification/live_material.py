@@ -1,18 +1,12 @@
 """The material of the run that is being wound: when to identify it, and what follows from it."""
 
-from __future__ import annotations
-
 import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 
 from cable_fem_node.dynamics.state import SolverError
-from cable_fem_node.identification.modulus import (
-    ModulusEstimate,
-    identify_modulus,
-    with_young,
-)
+from cable_fem_node.identification.modulus import ModulusEstimate, identify_modulus, with_young
 from cable_fem_node.identification.search import FitConfig, RodExcess
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.identification.tracked_run import IdentificationError, Readings, TrackedRun
@@ -43,18 +37,15 @@ class MaterialTask:
 
 @dataclass(frozen=True, kw_only=True)
 class MaterialUpdate:
-    """What an identification found.
-
-    Attributes:
-        model: The rod with the estimate, wound up to the last of the task's inputs; None unless
-            it was wanted.
-        ahead: The rest of the run with the estimate, not yet wound; None unless it was wanted.
-    """
+    """What an identification found."""
 
     estimate: ModulusEstimate | None  # None where there is none
     refusal: str  # Why the estimate is not used; empty where it may be
     config: WindingConfig | None = None  # The model with the estimate; None with a refusal
+    # The rod with the estimate, wound up to the last of the task's inputs; None unless it was
+    # wanted.
     model: RodWinding | None = None
+    # The rest of the run with the estimate, not yet wound; None unless it was wanted.
     ahead: RunAhead | None = None
 
 

@@ -10,12 +10,10 @@ from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import FloatArray
 
-# Heavier tails than a normal's.
-_FREEDOM = 8.0
+_FREEDOM = 8.0  # Heavier tails than a normal's
 # Least probability of a part over that of an even one: what no draw has seen is not given up.
 _LEAST = 0.03
-# A part is adapted no further than so many draws for each coordinate allow.
-_DRAWS_EACH = 5.0
+_DRAWS_EACH = 5.0  # A part is adapted no further than so many draws for each coordinate allow
 
 
 @dataclass(frozen=True, kw_only=True)

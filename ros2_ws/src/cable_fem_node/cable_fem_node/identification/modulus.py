@@ -1,7 +1,5 @@
 """The effective Young's modulus of a cable from where its markers lie."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Sequence
@@ -21,8 +19,7 @@ from winding_core.cable.material_law import MaterialLaw
 PLAUSIBLE_YOUNG = (0.05e6, 1.0e12)
 # A fit that misses a marker by more than this share of its angle is not of this cable.
 WORST_SHARE = 0.05
-# What is known no better than this, nine times in ten, is not worth taking up.
-WORST_ERROR = 0.5
+WORST_ERROR = 0.5  # What is known no better than this, nine times in ten, is not worth taking up
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
 """Closed-form lay of a sticking cable along measured inputs: the cheap stand-in of the rod."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 
@@ -28,10 +26,6 @@ def lay(run: TrackedRun, law: MaterialLaw) -> tuple[FloatArray, FloatArray]:
     Cable lands with the stretch of the span's tension F less EI l / (2 rho^2) for bending,
     where the fleet-angle law dz/dtheta = (z_guide - z) rho / L puts it, and sticks. Inertia,
     contact's depth and the chords of elements are what the rod adds.
-
-    Args:
-        run: Inputs and markers.
-        law: The material that is tried.
 
     Raises:
         IdentificationError: The last marker does not land within the run.

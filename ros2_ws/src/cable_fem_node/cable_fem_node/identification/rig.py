@@ -1,7 +1,5 @@
 """A winding rig as an identification sees it: its numbers, their priors, where a search moves."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,25 +24,17 @@ MOONEY = ("neo_hookean", "mooney_rivlin")
 
 @dataclass(frozen=True, kw_only=True)
 class Unknown:
-    """A number with a prior: normal, or even over a range.
+    """A number with a prior: normal, or even over a range."""
 
-    Attributes:
-        name: Of a column of every table of numbers.
-        words: What it is in tables, with its printed unit.
-        unit: One printed unit in SI.
-        range: Ends of an even prior; two equal ends state that the number is known.
-        even_log: Whether the prior is even, or normal, in the logarithm.
-        normal: Median and standard deviation instead of a range; of the logarithm with `even_log`.
-        asked: Whether it is looked for, or only allowed for.
-    """
-
-    name: str
-    words: str = ""
-    unit: float = 1.0
+    name: str  # Of a column of every table of numbers
+    words: str = ""  # What it is in tables, with its printed unit
+    unit: float = 1.0  # One printed unit in SI
+    # Ends of an even prior; two equal ends state that the number is known.
     range: Sequence[float] = (0.0, 0.0)
-    even_log: bool = False
+    even_log: bool = False  # Whether the prior is even, or normal, in the logarithm
+    # Median and standard deviation instead of a range; of the logarithm with `even_log`.
     normal: tuple[float, float] | None = None
-    asked: bool = True
+    asked: bool = True  # Whether it is looked for, or only allowed for
 
     @property
     def known(self) -> bool:

@@ -32,16 +32,12 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.machine.drive import DriveProfile
 from winding_core.run_inputs import Inputs, continued_inputs
 
-# Where bending would take more than this, no cable lies on the cylinder any more.
-_MOST_BENT = 0.9
+_MOST_BENT = 0.9  # Where bending would take more than this, no cable lies on the cylinder any more
 # Between two places of the grid [rad]: against 0.01 no angle of 150 rigs moved by 0.15 mrad.
 _STEP = 0.2
-# Places of all rigs that are held at once; beyond, rigs come in turn.
-_AT_ONCE = 400_000
-# No cable of this model is longer than this many times its length.
-_LONGEST = 4.0
-# The pull is averaged over so much to either side [rad]: a load cell is noisy.
-_AVERAGED = 0.3
+_AT_ONCE = 400_000  # Places of all rigs that are held at once; beyond, rigs come in turn
+_LONGEST = 4.0  # No cable of this model is longer than this many times its length
+_AVERAGED = 0.3  # The pull is averaged over so much to either side [rad]: a load cell is noisy
 # Slip reaches no further back than this [rad]: at a friction of 0.06 that is a ratio of 6.
 _SLIP_REACH = 30.0
 # Shares of C01 between which the stretch is interpolated.

@@ -20,12 +20,9 @@ from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
 
-# As many as a 5 % quantile needs to be known to a twentieth of the interval.
-DRAWS = 600
-# A number whose deviation stays above this share of the prior's is unobservable.
-_OBSERVED = 0.8
-# Scatter beyond which markers are not those of any rig [m].
-_MOST_SCATTER = 0.05
+DRAWS = 600  # As many as a 5 % quantile needs to be known to a twentieth of the interval
+_OBSERVED = 0.8  # A number whose deviation stays above this share of the prior's is unobservable
+_MOST_SCATTER = 0.05  # Scatter beyond which markers are not those of any rig [m]
 # Scatter is found to within this factor.
 _SCATTER_STEP = 1.05
 _PRIOR_DRAWS = 4000
@@ -197,30 +194,24 @@ class Belief:
 
 @dataclass(frozen=True, kw_only=True)
 class RigPosterior:
-    """The rigs that explain the markers.
-
-    Attributes:
-        beliefs: By name: every number that is looked for, and the combinations of `DERIVED`:
-            ``effective_young`` [Pa] is the modulus with which the stated tension alone would
-            stretch the used length as much.
-        best: Of the rig with the greatest evidence, shape (1,) each.
-        deviates: Of the prior there, of the open numbers, shape (k,).
-        spread: Covariance of these deviates, shape (k, k).
-        worst_share: Greatest residual of an angle relative to the angle, at the mean prediction.
-    """
+    """The rigs that explain the markers."""
 
     rigs: Numbers  # Draws
     weights: FloatArray  # Of the draws, sum one, shape (n,)
+    # By name: every number that is looked for, and the combinations of `DERIVED`:
+    # ``effective_young`` [Pa] is the modulus with which the stated tension alone would stretch the
+    # used length as much.
     beliefs: dict[str, Belief]
-    best: Numbers
-    deviates: FloatArray
-    spread: FloatArray
+    best: Numbers  # Of the rig with the greatest evidence, shape (1,) each
+    deviates: FloatArray  # Of the prior there, of the open numbers, shape (k,)
+    spread: FloatArray  # Covariance of these deviates, shape (k, k)
     steady: float  # Probability that the tension does not build up
     chi_square: float  # Sum of squares of the best rig, prior included
     measured: int  # How many numbers were measured
     misfit: bool  # Whether the markers contradict model and tracker
     scatter: float  # Deviation of every marker's place that was added for that [m]
     evidence: float  # ln of the density of the measurements
+    # Greatest residual of an angle relative to the angle, at the mean prediction.
     worst_share: float
     ahead: tuple[tuple[MarkerAhead, ...], ...]  # Markers that were not used, by run
 
@@ -284,10 +275,7 @@ class RigPosterior:
 
 
 def identify_rig(
-    runs: Sequence[TrackedRun],
-    prior: RigPrior | None = None,
-    *,
-    draws: int = DRAWS,
+    runs: Sequence[TrackedRun], prior: RigPrior | None = None, *, draws: int = DRAWS
 ) -> RigPosterior:
     """Return the joint posterior of the rig that wound one cable.
 
@@ -360,10 +348,7 @@ def _refuse_different(runs: Sequence[TrackedRun]) -> None:
 
 
 def _scattered(
-    runs: Sequence[TrackedRun],
-    prior: RigPrior,
-    lays: Sequence[RigLay],
-    before: RigSearch,
+    runs: Sequence[TrackedRun], prior: RigPrior, lays: Sequence[RigLay], before: RigSearch
 ) -> tuple[float, RigSearch]:
     """Return the scatter [m] at which the sum of squares is as expected, and the search with it."""
 

@@ -1,7 +1,5 @@
 """The rod along the motion of one rig: what it adds to the closed form where pulls slip."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The rod wound along a run's inputs until the tracked markers have landed."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable

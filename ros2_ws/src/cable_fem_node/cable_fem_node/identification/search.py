@@ -109,24 +109,20 @@ class RodExcess:
 
 @dataclass(frozen=True, kw_only=True)
 class FitConfig:
-    """Assumed deviations of model and tracker, and limits of the search.
+    """Assumed deviations of model and tracker, and limits of the search."""
 
-    Attributes:
-        model_share: Standard error of the rod's angles relative to themselves, common to all
-            markers of a run: over strains of 0.02 to 1.2 a rod of 5 mm elements differs from one
-            of 2.5 mm by 0.0005 rms and 0.0009 at most. One cable always has the same error, so
-            the greater half of them is what counts.
-        model_z: Standard error of the rod's z [m]: one free length explains the twelve
-            published series within 1.5 mm.
-        tolerance: The search ends when a step is shorter than this share of the standard error.
-        misfit_level: Residuals that chance reaches more rarely than this contradict the assumed
-            deviations.
-    """
-
+    # Standard error of the rod's angles relative to themselves, common to all markers of a run:
+    # over strains of 0.02 to 1.2 a rod of 5 mm elements differs from one of 2.5 mm by 0.0005 rms
+    # and 0.0009 at most. One cable always has the same error, so the greater half of them is what
+    # counts.
     model_share: float = 7.0e-4
+    # Standard error of the rod's z [m]: one free length explains the twelve published series within
+    # 1.5 mm.
     model_z: float = 1.5e-3
+    # The search ends when a step is shorter than this share of the standard error.
     tolerance: float = 0.3
     max_calls: int = 6  # Most calls of the rod per run
+    # Residuals that chance reaches more rarely than this contradict the assumed deviations.
     misfit_level: float = 0.01
 
 

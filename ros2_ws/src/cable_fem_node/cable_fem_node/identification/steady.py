@@ -1,7 +1,5 @@
 """From a stream of tracked frames to markers that have landed and stand still."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -18,15 +16,12 @@ _UNSEEN = int(
 
 @dataclass(frozen=True, kw_only=True)
 class SteadyConfig:
-    """When a marker counts as measured.
-
-    Attributes:
-        systematic: What all frames may have wrong together [rad]: the camera's pose; added to
-            the deviation that the tracker states.
-    """
+    """When a marker counts as measured."""
 
     frames: int = 20  # Frames that must have seen it
     spread: float = 8.0e-3  # Greatest standard deviation of its angle over these frames [rad]
+    # What all frames may have wrong together [rad]: the camera's pose; added to the deviation that
+    # the tracker states.
     systematic: float = 1.0e-3
 
 
@@ -46,9 +41,6 @@ class SteadyMarkers:
     Frames of one marker share the camera's errors, so the mean keeps the deviation of a single
     frame. A marker that has slipped is left out for good: its place does not follow from how it
     was laid.
-
-    Args:
-        config: When a marker counts as measured.
     """
 
     def __init__(self, config: SteadyConfig | None = None) -> None:

@@ -6,8 +6,6 @@ taken the rest. With e the strain and e_i that of a branch's spring, the energy 
 is W(e) + sum_i [q_i (e_i - e) - g_i W(e_i)], and (e - e_i) dq_i turns to heat.
 """
 
-from __future__ import annotations
-
 import math
 
 from cable_fem_node.dynamics.compile import called, kernel

@@ -9,8 +9,6 @@ Arrays: positions and forces (3, nodes); per element: reference length, tangent 
 inverse length, tension.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -105,11 +103,7 @@ def law_energy(stretch: float, response: AxialResponse) -> float:
 
 @called
 def stretch_elements(
-    elements: int,
-    position: FloatArray,
-    reference: FloatArray,
-    response: AxialResponse,
-    work: Work,
+    elements: int, position: FloatArray, reference: FloatArray, response: AxialResponse, work: Work
 ) -> None:
     """Fill tangent, inverse length and tension [N] of every element."""
     tangent, inverse, tension = work.tangent, work.inverse, work.tension
@@ -153,12 +147,7 @@ def bend_nodes(elements: int, reference: FloatArray, bending: float, work: Work)
 
 @kernel
 def bend_end(
-    node: int,
-    element: int,
-    direction: FloatArray,
-    reference: float,
-    bending: float,
-    work: Work,
+    node: int, element: int, direction: FloatArray, reference: float, bending: float, work: Work
 ) -> None:
     """Fill cos(phi) and dE/dcos(phi) of a clamped end: its direction against one element.
 

@@ -3,8 +3,6 @@
 Of a wound rod: constants, state, what drives and holds it, and how an advance ends.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Work beside the node's own thread, at a lower priority: any task, a run wound ahead."""
 
-from __future__ import annotations
-
 import os
 import sys
 import threading
@@ -58,20 +56,11 @@ def _lower_priority() -> None:
 
 
 class PredictionTask:
-    """Winds a run ahead in a thread of low priority; the owner collects its results.
-
-    Args:
-        ahead: What is left of it is wound.
-        begun: Time from which it predicts [s].
-
-    Attributes:
-        begun: As given.
-        failure: Why it ended before the run did; empty if it did not.
-    """
+    """Winds a run ahead in a thread of low priority; the owner collects its results."""
 
     def __init__(self, ahead: RunAhead, begun: float) -> None:
         self.begun = begun
-        self.failure = ""
+        self.failure = ""  # Why it ended before the run did; empty if it did not
         self._ahead = ahead
         self._found: deque[Markers] = deque()
         self._task: BackgroundTask[None] | None = BackgroundTask(self._wind)

@@ -1,7 +1,5 @@
 """Joint states and tension in; markers, cable and the prediction of the run out."""
 
-from __future__ import annotations
-
 import copy
 import time
 from collections.abc import Callable, Iterator

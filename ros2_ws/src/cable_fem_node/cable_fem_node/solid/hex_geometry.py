@@ -5,8 +5,6 @@ volume (Flanagan and Belytschko 1981), which makes the patch test exact on disto
 the hourglass vectors gamma = h - (h . x_i) b_i see no linear motion.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import ArrayLike
 

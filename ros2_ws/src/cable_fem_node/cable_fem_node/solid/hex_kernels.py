@@ -1,7 +1,5 @@
 """One-point hexahedra (C3D8R): total Lagrangian forces, hourglass control, explicit steps."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -9,13 +7,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions, amplitude_at, move
-from cable_fem_node.dynamics.state import (
-    LOSS_DAMPING,
-    ContactLaw,
-    FloatArray,
-    IntArray,
-    Points,
-)
+from cable_fem_node.dynamics.state import LOSS_DAMPING, ContactLaw, FloatArray, IntArray, Points
 from cable_fem_node.solid.solid_law_kernels import piola
 
 
@@ -35,11 +27,7 @@ class HexMesh(NamedTuple):
 
 @kernel
 def hex_forces(
-    position: FloatArray,
-    velocity: FloatArray,
-    mesh: HexMesh,
-    viscous: bool,
-    net: FloatArray,
+    position: FloatArray, velocity: FloatArray, mesh: HexMesh, viscous: bool, net: FloatArray
 ) -> tuple[int, float, float, float]:
     """Fill the nodes' internal forces (3, nodes) [N].
 

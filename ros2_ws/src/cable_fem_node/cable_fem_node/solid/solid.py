@@ -1,7 +1,5 @@
 """General solid model: one-point hexahedra (C3D8R) under the loads and contact of any model."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

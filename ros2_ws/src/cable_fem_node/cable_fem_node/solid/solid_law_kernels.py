@@ -5,8 +5,6 @@ strain. hencky: Kirchhoff stress 2 G ln V + lambda tr(ln V) I; hencky_cauchy: th
 stress (no stored energy). neo_hookean, mooney_rivlin: see `MaterialLaw`.
 """
 
-from __future__ import annotations
-
 import math
 
 from cable_fem_node.dynamics.compile import called, kernel

@@ -1,7 +1,5 @@
 """Meshes of hexahedra: a round bar with a butterfly section, and a block."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
@@ -13,10 +11,8 @@ from cable_fem_node.dynamics.state import FloatArray
 
 IntArray = NDArray[np.int64]
 
-# Share of the radius that the core of a section takes.
-CORE = 0.7
-# Roundness of the core: 0 a square, 1 a disc.
-BULGE = 0.5
+CORE = 0.7  # Share of the radius that the core of a section takes
+BULGE = 0.5  # Roundness of the core: 0 a square, 1 a disc
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,13 +78,7 @@ def section_mesh(
     return np.vstack(points), np.array(quads, dtype=np.int64), loops[-1].astype(np.int64)
 
 
-def round_bar(
-    diameter: float,
-    axial: ArrayLike,
-    *,
-    rim_nodes: int = 12,
-    rings: int = 1,
-) -> BarMesh:
+def round_bar(diameter: float, axial: ArrayLike, *, rim_nodes: int = 12, rings: int = 1) -> BarMesh:
     """Return the mesh of a round bar along z with sections at increasing positions [m].
 
     Raises:

@@ -1,7 +1,5 @@
 """What the length of the elements costs a prediction, from winding it again with half of it."""
 
-from __future__ import annotations
-
 import dataclasses
 from dataclasses import dataclass
 
@@ -15,14 +13,11 @@ _TWICE = 2.0
 
 @dataclass(frozen=True, kw_only=True)
 class DiscretisationError:
-    """Estimated error of the markers P1..Pn, value minus limit of short elements.
-
-    Attributes:
-        theta: Of the wound angles [rad], shape (markers,); nan for those not wound in both runs.
-    """
+    """Estimated error of the markers P1..Pn, value minus limit of short elements."""
 
     segment: float  # Length of the elements of the prediction [m]
     finer_segment: float  # Of the run that it is compared with [m]
+    # Of the wound angles [rad], shape (markers,); nan for those not wound in both runs.
     theta: FloatArray
     s: FloatArray  # Of the curve lengths [m], shape (markers,)
 

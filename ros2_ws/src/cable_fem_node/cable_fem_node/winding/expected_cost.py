@@ -1,7 +1,5 @@
 """Processor time that winding a run will take, estimated before it begins."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -26,8 +24,7 @@ _TRIAL_STEPS, _LONGER, _TRIAL_S = 50, 2, 0.03
 _ON_CABLE, _LOOK_S, _LOOK_WAY = 2.5, 2.0e-4, 0.1
 # Nodes of the rod that lie on the cylinder and are integrated although they do not move.
 _AWAKE_NODES = 32
-# Cable comes to rest this long after it has landed [s].
-_REST_S = 0.2
+_REST_S = 0.2  # Cable comes to rest this long after it has landed [s]
 # What a call of the model costs beside its steps [s], and a step beside its elements, in elements:
 # spans of 10 to 30 elements cost 1.1 to 1.5 times as much for each as the 30 to 60 of a run.
 _CALL_S, _STEP = 4.0e-4, 4.0
@@ -41,8 +38,7 @@ _RINGING, _CALM, _CALM_WAVE = 3.0e-4, 1.0e-3, 0.125
 # The lay changes by less than pitch L / rho times either root of motion over tension or strain
 # energy times these; it may change by a share of the cable's diameter.
 _LAG_TENSION, _LAG_STRAIN, _LAY = 0.08, 0.004, 0.01
-# As much as the parameter allows.
-_LARGEST = 1.0e4
+_LARGEST = 1.0e4  # As much as the parameter allows
 # A live run has a core for everything; half of it is sure to suffice when an estimate may be wrong
 # by a factor of two. Elements times steps per simulated second that take less anywhere.
 _LIVE, _SURELY_LIVE = 0.5, 2.0e6
@@ -50,16 +46,12 @@ _LIVE, _SURELY_LIVE = 0.5, 2.0e6
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectedCost:
-    """What a run will take.
-
-    Attributes:
-        mass_scaling: Largest factor on the density with which the cable still lies as if it were
-            wound slowly.
-    """
+    """What a run will take."""
 
     cpu_seconds: float  # Processor time [s] on this computer, as it is loaded now
     steps: int  # Steps of integration
     elements: float  # That are integrated, mean over the run
+    # Largest factor on the density with which the cable still lies as if it were wound slowly.
     mass_scaling: float
     scaled_cpu_seconds: float  # Processor time with that factor [s]
 

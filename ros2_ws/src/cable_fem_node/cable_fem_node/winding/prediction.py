@@ -1,7 +1,5 @@
 """Winding a whole run ahead of time: where every marker ends up and how much cable is used."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable
@@ -16,7 +14,6 @@ from cable_fem_node.dynamics.state import (
     FloatArray,
     ImpossibleResultError,
 )
-from cable_fem_node.winding.turns import how_turns_lie, on_cable
 from cable_fem_node.winding.validity import (
     FULL_TURN,
     Check,
@@ -35,19 +32,61 @@ from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import Markers
 from winding_core.run_options import ELEMENTS
 
+APART, TOUCHING, ON_CABLE = "apart", "touching", "on cable"
+# In the distance of touching centre lines: springs between turns give way by half a per cent, and a
+# node between two others stands higher by less than a tenth.
+_CONTACT, _RAISED = 1.01, 0.1
+_PLACES = 180  # Places in a turn at which it is compared with those before
+
+
+def on_cable(radius: FloatArray, apart: float) -> NDArray[np.bool_]:
+    """Return which nodes of wound cable stand out from those that lie on the cylinder, shape (n,).
+
+    Args:
+        radius: Distances from the axis [m], shape (n,).
+        apart: Distance of touching centre lines [m].
+    """
+    return np.asarray(radius - radius.min(initial=np.inf) > _RAISED * apart)
+
+
+def how_turns_lie(
+    theta: FloatArray, z: FloatArray, radius: FloatArray, apart: float
+) -> tuple[str, ...]:
+    """Return how each complete turn lies, by its closest place.
+
+    Args:
+        theta: Wound angles of the cable's nodes from P0 on [rad], ascending, shape (n,).
+        z: Axial positions [m], shape (n,).
+        radius: Distances from the axis [m], shape (n,).
+        apart: Distance of touching centre lines [m].
+
+    Returns:
+        APART, TOUCHING or ON_CABLE for each turn, the first one first.
+    """
+    turns = int(theta[-1] / math.tau)
+    at = math.tau * np.arange(turns * _PLACES).reshape(turns, _PLACES) / _PLACES
+    across, out = np.interp(at, theta, z), np.interp(at, theta, radius)
+    # Where the cable begins, and where a node has just landed, it is held by others than these.
+    raised = on_cable(out, apart).sum(axis=1) > 1
+    found = []
+    for turn in range(turns):
+        way = np.hypot(across[:turn] - across[turn], out[:turn] - out[turn])
+        touching = turn > 0 and float(way.min()) < _CONTACT * apart
+        found.append(ON_CABLE if raised[turn] else TOUCHING if touching else APART)
+    return tuple(found)
+
+
 Progress = Callable[[float], None]
 Look = Callable[[WindingModel], None]
 Clock = Callable[[], float]
 
-# Marker records per second of a run [1/s].
-FRAME_RATE = 50.0
+FRAME_RATE = 50.0  # Marker records per second of a run [1/s]
 
 # Cable lies with the tension of the span that laid it, which may change by a rig's law.
 _TIGHTER_PCT = 2.0
 _SUSPECTS = "try shorter elements, less mass scaling, a steadier tension"
 
-# Energy that the ledger cannot explain, of what went in.
-BALANCE_LIMIT_PCT = 1.0
+BALANCE_LIMIT_PCT = 1.0  # Energy that the ledger cannot explain, of what went in
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -126,15 +165,13 @@ class Prediction:
 class PlannedRun:
     """One run of the solver, checked, not yet wound.
 
-    Attributes:
-        drive: How the machine moves; the paper's motion by default.
-
     Raises:
         ValueError: The cylinder turns back past the start, the duration is not positive, the
             element is unknown or has no stiffness factors.
     """
 
     config: WindingConfig  # The model
+    # How the machine moves; the paper's motion by default.
     drive: DriveProfile = field(default_factory=DriveProfile)
     duration: float = PAPER_DURATION  # Time to wind [s]
     element: str = "rod"  # One of ELEMENTS

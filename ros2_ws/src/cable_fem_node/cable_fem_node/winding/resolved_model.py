@@ -23,13 +23,11 @@ from winding_core.cable.cases import Case
 from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
 from winding_core.machine.drum import Drum
 
-# What suits cylinders of 30 mm and more and moderate stretch [m].
-LONGEST = 5.0e-3
+LONGEST = 5.0e-3  # What suits cylinders of 30 mm and more and moderate stretch [m]
 # A stretched element of the centreline radius times this leaves the circle so far that the cable
 # slips, rides up or never lands: refused.
 LARGEST_RATIO = 0.6
-# Where the error of the wound stretch was measured.
-_MEASURED_AT = 0.465
+_MEASURED_AT = 0.465  # Where the error of the wound stretch was measured
 # Error of the wound tension there, in percent: with a law that does not curve, with one that
 # does, and what bending adds once its share of the tension has reached `_BENT` (120 random
 # conditions: cylinders of 8 to 300 mm, cables of 0.5 to 12 mm, 0.5 MPa to 36 GPa).
@@ -219,11 +217,7 @@ class ResolvedModel:
             mass=mass,
             bending=case.bending_stiffness,
             touch=penalty(
-                normal,
-                mass,
-                friction=friction,
-                stick_share=0.25,
-                cable_radius=case.cable_radius,
+                normal, mass, friction=friction, stick_share=0.25, cable_radius=case.cable_radius
             )._replace(line=radius, chords=chords, apart=2.0 * (radius - case.cylinder_radius)),
             damping_rate=2.0 * damping_ratio * first_mode,
             start_radius=chords,

@@ -17,8 +17,7 @@ from cable_fem_node.winding.winding_model import angle_steps
 # them is not kept: a node at rest touches, and its stretch is the length over the reference.
 X, Y, Z, SLIP, SLIP_Z, CONTACT_RADIUS, ROLL, REFERENCE, ARC, THETA = range(10)
 _ROWS = 10
-# Where the cable relaxes, elastic force and viscous forces of the element follow.
-_VISCOUS = _ROWS
+_VISCOUS = _ROWS  # Where the cable relaxes, elastic force and viscous forces of the element follow
 # Room is made for a fifth more, so that a node takes 96 bytes at most, unused room included.
 _GROWTH = 1.2
 _FEWEST = 64
@@ -114,9 +113,6 @@ class RestingCable:
     Args:
         radius: Of P0 [m].
         fading: How its tension fades; None for an elastic cable.
-
-    Attributes:
-        count: Number of nodes.
     """
 
     def __init__(self, radius: float, fading: Fading | None = None) -> None:

@@ -1,7 +1,5 @@
 """What is known of the rig that winds before a marker has landed; no kernel is loaded for it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -11,8 +9,7 @@ import numpy as np
 from winding_core.parameters import parameter
 from winding_core.units import FORCE, LENGTH, PLAIN
 
-# Ranges beyond what any rig is.
-_SHARE, _LONGEST, _STRONGEST = 10.0, 1.0e3, 1.0e6
+_SHARE, _LONGEST, _STRONGEST = 10.0, 1.0e3, 1.0e6  # Ranges beyond what any rig is
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -21,17 +18,6 @@ class RigPrior:
 
     Ranges are even; two equal ends state that a number is known. The defaults are the paper's rig;
     guide and pulleys take between a tenth and a half of a load.
-
-    Attributes:
-        start_share: Range of f where it does build up; the span may start nearly slack.
-        held: Range of how far behind the landing point friction begins to hold, over how far that
-            is on the rod with its elements; those of a cable have no length.
-        friction: Range of Coulomb friction, even in its logarithm; two zeros: as configured.
-        law_share: Range of C01 / (C10 + C01), where the law is neo_hookean or mooney_rivlin.
-        brake_friction: Range of the share of a commanded pull by which the tension stays behind.
-        eye: Standard deviation of the cable's eye against the carriage [m].
-        camera_scale: Standard deviation of what the camera's distance does to z, relative.
-        scatter: Standard deviation of every other marker's place beyond the tracker's [m].
     """
 
     young_factor: float = parameter(
@@ -57,6 +43,7 @@ class RigPrior:
         0.5, "probability that the tension does not build up", PLAIN, 0.0, 1.0,
         option="prior_steady",
     )  # fmt: skip
+    # Range of f where it does build up; the span may start nearly slack.
     start_share: Sequence[float] = parameter(
         [0.05, 1.1], "range of the tension's share at the start", PLAIN, 1.0e-3, _SHARE,
         option="prior_start_share",
@@ -65,11 +52,17 @@ class RigPrior:
         [0.03, 0.6], "range of the wound length over which the tension builds up", LENGTH, 1.0e-4,
         _LONGEST, option="prior_build_up",
     )  # fmt: skip
+    # Range of how far behind the landing point friction begins to hold, over how far that is on the
+    # rod with its elements; those of a cable have no length.
     held: Sequence[float] = parameter([0.4, 1.1], "range of where friction begins to hold")
+    # Range of Coulomb friction, even in its logarithm; two zeros: as configured.
     friction: Sequence[float] = parameter([0.0, 0.0], "range of the friction")
+    # Range of C01 / (C10 + C01), where the law is neo_hookean or mooney_rivlin.
     law_share: Sequence[float] = parameter([0.0, 0.0], "range of the share of C01")
+    # Range of the share of a commanded pull by which the tension stays behind.
     brake_friction: Sequence[float] = parameter([0.0, 0.0], "range of the brake's own friction")
     eye: float = parameter(0.0, "standard deviation of the eye's place on the carriage [m]")
+    # Standard deviation of what the camera's distance does to z, relative.
     camera_scale: float = parameter(0.0, "standard deviation of the scale of z")
     fixing: float = parameter(0.0, "standard deviation of where P0 was fixed along the cable [m]")
     scatter: float = parameter(0.0, "standard deviation of other markers' places [m]")

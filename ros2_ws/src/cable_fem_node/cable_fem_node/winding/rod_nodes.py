@@ -1,7 +1,5 @@
 """The rod's nodes in two parts: those that rest on the cylinder, and those that are integrated."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -31,14 +29,11 @@ from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 
 @dataclass(frozen=True, kw_only=True)
 class WholeRod:
-    """All nodes and elements of a rod, resting or not.
-
-    Attributes:
-        viscous: Elastic and viscous forces of the elements [N]; no rows for an elastic cable.
-    """
+    """All nodes and elements of a rod, resting or not."""
 
     cable: Points  # The nodes
     reference: FloatArray  # Lengths of the elements [m], shape (nodes,)
+    # Elastic and viscous forces of the elements [N]; no rows for an elastic cable.
     viscous: FloatArray
     angle: float  # Of the cylinder [rad], whose surface clamps the cable at P0
 

@@ -4,8 +4,6 @@ Lab frame: cylinder axis +z, contact line at azimuth zero, the span comes from t
 plane x = R + r; P0 stands at azimuth Theta, z = 0.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -68,9 +66,6 @@ class RodWinding(WindingModel):
 
     Turns that lie still on the cylinder rest: they turn with it and are not integrated until
     something moves the cable next to them.
-
-    Args:
-        config: The model.
 
     Raises:
         ValueError: The rod cannot be right about it; the sentence names the number and a remedy.

@@ -48,12 +48,6 @@ class RunAhead:
         planned: (t [s], reading, tension [N] or None), ascending in time.
         check: Called with the model at the end of every piece; raises to refuse.
         piece: Simulated time of a piece [s].
-
-    Attributes:
-        model: As far as it is wound.
-        done: Whether the plan is wound to its end.
-        found: Records of P0..Pn: one whenever further markers have been wound by the end of a
-            piece, and the last at the end of the plan.
     """
 
     def __init__(
@@ -64,8 +58,10 @@ class RunAhead:
         *,
         piece: float = PIECE,
     ) -> None:
-        self.model = model
-        self.done = False
+        self.model = model  # As far as it is wound
+        self.done = False  # Whether the plan is wound to its end
+        # Records of P0..Pn: one whenever further markers have been wound by the end of a piece, and
+        # the last at the end of the plan.
         self.found: list[Markers] = []
         self._planned = iter(planned)
         self._step = next(self._planned, None)

@@ -1,7 +1,5 @@
 """Winding a run with solid elements, as the paper did: slow, for verification of the rod."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

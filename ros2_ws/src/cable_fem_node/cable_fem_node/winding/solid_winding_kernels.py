@@ -1,7 +1,5 @@
 """Steps of a solid cable between the turning cylinder, the guide's eye and the dead weight."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -25,8 +23,7 @@ from cable_fem_node.rod.rod_records import ANGLE, FEED, GUIDE, SPEED, TENSION
 from cable_fem_node.solid.hex_kernels import HexMesh, hex_forces
 from cable_fem_node.winding.winding_kernels import hermite
 
-# Why an advance ended.
-DONE, INSIDE_OUT, RAN_OUT = range(3)
+DONE, INSIDE_OUT, RAN_OUT = range(3)  # Why an advance ended
 
 # Rows of the report: energies [J] after the last step, and the section at the eye.
 STRAIN, HOURGLASS, KINETIC, SPRINGS, EYE = range(5)

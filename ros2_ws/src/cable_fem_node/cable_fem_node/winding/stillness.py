@@ -1,15 +1,11 @@
 """Whether laid cable lies still, so that it may rest."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from cable_fem_node.dynamics.state import FloatArray
 
-# Time between two looks [s]. Oscillations of the span decay within it.
-LOOK_PERIOD = 0.1
-# Time for which nodes that had to be woken are left alone [s].
-AWAKE_FOR = 0.5
+LOOK_PERIOD = 0.1  # Time between two looks [s]. Oscillations of the span decay within it.
+AWAKE_FOR = 0.5  # Time for which nodes that had to be woken are left alone [s]
 
 
 class Stillness:

@@ -1,7 +1,5 @@
 """Whether the model can be right about a winding: what is checked before anything is wound."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -18,12 +16,10 @@ from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 
-# From this share of a limit on, a condition is worth a warning.
-_NEAR = 0.5
+_NEAR = 0.5  # From this share of a limit on, a condition is worth a warning
 # Relative error of the wound stretch that the choice of the element keeps below [%].
 _STRETCH_ERROR_PCT = 0.2
-# Of the wound tension, the promise [%].
-_TENSION_ERROR_PCT = 1.0
+_TENSION_ERROR_PCT = 1.0  # Of the wound tension, the promise [%]
 # Motion's share of the tension. Six cables (1 to 12 mm on 30 to 300 mm, 2.6 MPa to 110 GPa) with
 # their density raised step by step keep their wound tension within 1.5 % up to the first one and
 # within 4 % up to the second; at 0.7 a soft one scatters by 15 %, at 2 it has lost half.
@@ -42,14 +38,11 @@ OVERLAP = "the cable's width over the least distance of two turns"
 # next turn so steeply that elements of half the length leave its stretch 0.1 to 0.7 % lower (four
 # of 2000 random windings are such).
 _THICK, _SOFT = 1.0 / 3.0, 1.1
-# Parts of a turn at which the lay of a guide that turns back is followed.
-_PARTS = 180
+_PARTS = 180  # Parts of a turn at which the lay of a guide that turns back is followed
 # Cable that crosses lies 1 / 0.866 times as high as in valleys, and cable may lie on cable.
 _CLOSE = 0.85
-# Of a plan that ends where it began [rad].
-_ROUNDING = 1.0e-9
-# More turns than this are not followed one by one.
-_MOST_TURNS = 5000
+_ROUNDING = 1.0e-9  # Of a plan that ends where it began [rad]
+_MOST_TURNS = 5000  # More turns than this are not followed one by one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -333,10 +326,6 @@ def guide_check(resolved: ResolvedModel, angle: float) -> Check:
     """Return whether the guide stands clear of layers between flanges, see `ContactLaw`.
 
     Layers lie as low as they can, one in the valleys of the other, sqrt(3) / 2 diameters above it.
-
-    Args:
-        resolved: What is wound.
-        angle: Wound [rad].
     """
     touch = resolved.constants.touch
     turns = (touch.high - touch.low) / touch.apart + 1.0

@@ -23,27 +23,24 @@ MASS_SCALING = {"rod": 1.0, "solid": 400.0}
 
 @dataclass(frozen=True, kw_only=True)
 class WindingConfig(LawParameters):
-    """Everything that defines a winding model; its material law is that of `LawParameters`.
-
-    Attributes:
-        friction: Coulomb friction between cable and cylinder, acting on the centreline.
-        segment_length: Reference length of an element [m]; None: what suits the winding.
-        tension_law: Span tension from weight, cylinder diameter and wound length.
-        thinning: Whether the wound radius is R + r t with the law's lateral stretch t, or
-            R + r. None: only for the large-strain laws; ``linear`` leaves the section as it is.
-        rests: Whether turns of the rod that lie still are laid to rest, which costs nothing but
-            their memory, or are integrated for ever.
-    """
+    """Everything that defines a winding model; its material law is that of `LawParameters`."""
 
     case: Case  # Cable, cylinder, weight and marker spacing
+    # Coulomb friction between cable and cylinder, acting on the centreline.
     friction: float = Condition.friction
+    # Reference length of an element [m]; None: what suits the winding.
     segment_length: float | None = None
     free_length: float = PAPER_FREE_LENGTH  # Tangent span between contact line and guide [m], L_xy
+    # Span tension from weight, cylinder diameter and wound length.
     tension_law: TensionLaw = field(default_factory=DeadWeight)
+    # Whether the wound radius is R + r t with the law's lateral stretch t, or R + r. None: only for
+    # the large-strain laws; ``linear`` leaves the section as it is.
     thinning: bool | None = None
     damping_ratio: float = 0.05  # Mass-proportional damping of the span's first axial mode
     mass_scaling: float = 1.0  # Factor on the density
     rolling: bool = False  # Let the cable roll on the surface about its own axis
+    # Whether turns of the rod that lie still are laid to rest, which costs nothing but their
+    # memory, or are integrated for ever.
     rests: bool = True
     # Flanges, between which cable lies on cable; None for turns that do not know each other
     drum: Drum | None = None

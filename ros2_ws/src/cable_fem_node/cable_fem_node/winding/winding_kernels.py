@@ -7,8 +7,6 @@ pulls with the span tension whatever its length, and elements are cut from it (o
 as the cable is drawn in.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """What the rod and the solid have in common when they are wound: motion, markers, energies."""
 
-from __future__ import annotations
-
 import copy
 import math
 from abc import ABC, abstractmethod
@@ -10,12 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.state import LEDGER_SIZE, EnergyLedger, FloatArray
-from cable_fem_node.rod.rod_records import (
-    ANGLE,
-    EYE_X,
-    STRETCH,
-    TENSION,
-)
+from cable_fem_node.rod.rod_records import ANGLE, EYE_X, STRETCH, TENSION
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.machine.readings import AxisReading, GuidePlace
 from winding_core.markers import MarkerFlag, Markers, wound_markers
@@ -26,29 +19,18 @@ NODE_DTYPE = np.dtype(
 # Laid nodes behind the edge whose mean curvature is the cylinder's: the edge's own push has
 # decayed over the two that are left out.
 _LAID = slice(-7, -2)
-# Free nodes that the bending moment is followed over.
-_FREE = 4
+_FREE = 4  # Free nodes that the bending moment is followed over
 
 
 class WindingModel(ABC):
-    """A cable between the turning cylinder and the guide, advanced along the machine's motion.
+    """A cable between the turning cylinder and the guide, advanced along the machine's motion."""
 
-    Args:
-        config: The model.
-
-    Attributes:
-        config: The model.
-        time: [s]
-        step_limit: Longest step of integration [s].
-        element_steps: Elements times steps so far.
-    """
-
-    step_limit: float
+    step_limit: float  # Longest step of integration [s]
 
     def __init__(self, config: WindingConfig) -> None:
         self.config = config
-        self.time = 0.0
-        self.element_steps = 0
+        self.time = 0.0  # [s]
+        self.element_steps = 0  # Elements times steps so far
         self._initial_energy = 0.0
         self._ledger = np.zeros(LEDGER_SIZE)
         # Both ends of an advance; the model stands at the second one.

@@ -1,7 +1,5 @@
 """The surface that the next turns lie on: cable on the cylinder, by its place there."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -12,8 +10,7 @@ from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.state import BELOW_HEIGHT, BELOW_ROWS, MOST_BELOW, FloatArray, IntArray
 
 TURN = 2.0 * math.pi
-# Lines along the cylinder that the cable's crossings are kept of.
-LINES = 128
+LINES = 128  # Lines along the cylinder that the cable's crossings are kept of
 # Columns of a crossing: wound angle, place, radius, how both go with the angle, and number of the
 # integrated element, -1 of cable at rest.
 _THETA, _Z, _RADIUS, _SLOPE, _RISE, _ELEMENT = range(6)

@@ -1,7 +1,5 @@
 """Turns predicted markers into corrected ones: S_corrected = h S_FEM."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import numpy as np

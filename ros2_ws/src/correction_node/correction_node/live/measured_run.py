@@ -1,7 +1,5 @@
 """The markers of a run as the tracker has measured them, and which lengths no cable can have."""
 
-from __future__ import annotations
-
 from bisect import bisect_right
 from statistics import median
 

@@ -1,7 +1,5 @@
 """Which known condition a run resembles, by its measured lengths (K-NN, paper section 4)."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum

@@ -1,7 +1,5 @@
 """Corrects the prediction of a running machine: by the learned factor, then by what it measures."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,10 +21,8 @@ BELIEVED_SHARE = 0.25
 # slower by 0.25 s. A correction that asks only for what was known twice as long ago [s] does not
 # depend on which came first: a replay gives the same lengths as the run.
 ARRIVAL = 0.5
-# Table 1 prints its spacings to the millimetre.
-_ROUNDING = 1.0e-3
-# A guess, as for the factor: there is no data outside the trained conditions.
-OUTSIDE_FACTOR = 2.0
+_ROUNDING = 1.0e-3  # Table 1 prints its spacings to the millimetre
+OUTSIDE_FACTOR = 2.0  # A guess, as for the factor: there is no data outside the trained conditions
 
 
 @dataclass(frozen=True, kw_only=True)

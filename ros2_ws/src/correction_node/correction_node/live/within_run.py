@@ -1,7 +1,5 @@
 """Within a run: where the next markers will lie, from those that have been measured."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -37,14 +35,11 @@ class WithinRun:
     (`winding_core.machine.tension.RigTension`). r_inf and A belong to the run and are fitted to its
     measured increments, so nothing is asked about cable, cylinder or weight; two markers fix
     them, more are fitted by least squares. L_c is the only number learned from other runs.
-
-    Attributes:
-        relative_bounds: Largest error over `ahead` of the left-out cases, with two measured
-            markers and with three; more markers than that keep the last. Empty for a law that is
-            only fitted.
     """
 
     build_up_length: float  # L_c [m] of undeformed cable
+    # Largest error over `ahead` of the left-out cases, with two measured markers and with three;
+    # more markers than that keep the last. Empty for a law that is only fitted.
     relative_bounds: tuple[float, ...] = ()
 
     def length_ahead(

@@ -1,7 +1,5 @@
 """What a factor is learned from, and what a model of it looks at: cells, conditions, inputs."""
 
-from __future__ import annotations
-
 import csv
 import hashlib
 import math

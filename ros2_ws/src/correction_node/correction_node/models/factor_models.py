@@ -1,7 +1,5 @@
 """Models of h that can be stored and used without a learning library: network, rig's physics."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import astuple, dataclass

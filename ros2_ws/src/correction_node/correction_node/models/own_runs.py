@@ -1,7 +1,5 @@
 """A user's own runs as measured cells: a table, a run's folder, or a folder of such."""
 
-from __future__ import annotations
-
 import csv
 import json
 import math

@@ -1,7 +1,5 @@
 """A Gaussian process in plain NumPy: what physics leaves over, and how well that is known."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Self
@@ -11,8 +9,7 @@ from numpy.typing import NDArray
 
 from correction_node.models.dataset import Array
 
-# Half of the 90 % interval of a normal variable, in standard deviations.
-NORMAL_90 = 1.6449
+NORMAL_90 = 1.6449  # Half of the 90 % interval of a normal variable, in standard deviations
 # Ranges of the scales, in spreads of an input, and of the deviations of smooth part, run (at the
 # root mean square of its effects) and reading, in root mean squares of what is explained; the
 # search begins at the first of three.
@@ -29,25 +26,16 @@ class Process:
 
     Far from everything it was learned from it is zero with the standard deviation that it found
     from place to place, which is no forecast.
-
-    Attributes:
-        inputs: Where it was learned, standardised, shape (n, k).
-        spread: What one unit of a standardised input is, shape (k,).
-        scales: Length scales of the smooth part in these units, shape (k,).
-        deviations: Of the smooth part, of a whole run, and of one reading, shape (3,).
-        weights: Of the kernel at `inputs`, shape (n,).
-        factor: Cholesky factor of the covariance of the readings, shape (n, n).
-        freedom: Degrees of freedom from which the deviations of a run and of a reading were
-            found, shape (2,).
     """
 
-    inputs: Array
+    inputs: Array  # Where it was learned, standardised, shape (n, k)
     mean: Array  # Of the inputs, shape (k,)
-    spread: Array
-    scales: Array
-    deviations: Array
-    weights: Array
-    factor: Array
+    spread: Array  # What one unit of a standardised input is, shape (k,)
+    scales: Array  # Length scales of the smooth part in these units, shape (k,)
+    deviations: Array  # Of the smooth part, of a whole run, and of one reading, shape (3,)
+    weights: Array  # Of the kernel at `inputs`, shape (n,)
+    factor: Array  # Cholesky factor of the covariance of the readings, shape (n, n)
+    # Degrees of freedom from which the deviations of a run and of a reading were found, shape (2,).
     freedom: Array
 
     @classmethod

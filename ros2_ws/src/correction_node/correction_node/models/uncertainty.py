@@ -12,8 +12,7 @@ from correction_node.models.dataset import Array, LengthCell, case_numbers, leng
 from winding_core.cable.cases import Case, Material
 
 LEVEL = 0.9
-# Table 1 prints four digits; the weights behind it differ by up to 0.03 %.
-ROUNDING = 1.0e-3
+ROUNDING = 1.0e-3  # Table 1 prints four digits; the weights behind it differ by up to 0.03 %
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,15 +61,13 @@ class TrainingBox:
     Tension is taken as a force: the trained weights hang on cables of every diameter, so in
     (D_cylinder, D_cable, force) the training conditions fill a box, while a box in nominal stress
     would include thirty newtons on the thickest cable.
-
-    Attributes:
-        turns: Most turns of unstretched cable before a marker; None when h does not depend on
-            the marker. Below the first trained marker h stays what it is there.
     """
 
     cylinder_diameter: tuple[float, float]  # (smallest, largest) [m]
     cable_diameter: tuple[float, float]  # (smallest, largest) [m]
     weight: tuple[float, float]  # (smallest, largest) [N]
+    # Most turns of unstretched cable before a marker; None when h does not depend on the marker.
+    # Below the first trained marker h stays what it is there.
     turns: float | None = None
     young: tuple[float, float] = (Material().young,) * 2  # As configured in the solver [Pa]
     # Diameter [m] and modulus [Pa] of each cable, where no other one is inside; else empty.
@@ -78,12 +75,7 @@ class TrainingBox:
 
     @classmethod
     def around(cls, cells: Sequence[LengthCell], *, by_marker: bool = False) -> TrainingBox:
-        """Return the smallest box that holds the cells' conditions.
-
-        Args:
-            cells: The trained cells.
-            by_marker: Whether h depends on the marker.
-        """
+        """Return the smallest box that holds the cells' conditions."""
         weights = [0.25 * math.pi * c.cable_diameter**2 * c.tension for c in cells]
         return cls(
             cylinder_diameter=_range([c.cylinder_diameter for c in cells]),

@@ -1,7 +1,5 @@
 """The trained factor on disk: numbers as safetensors, everything about them in card.json."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import asdict, dataclass, replace

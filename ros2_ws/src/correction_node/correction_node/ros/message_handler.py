@@ -1,7 +1,5 @@
 """Predicted and measured markers in, corrected lengths and the resembling case out."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
@@ -23,24 +21,17 @@ from winding_ros.topic import Topic
 
 
 class CorrectionHandler:
-    """Corrects predicted lengths by factor and measurement; names the case the run resembles.
-
-    Attributes:
-        errors: Of the factor, from its card.
-        digest: SHA-256 of the learned numbers, in hex.
-        learned_from: Name of the data and their extent, in words.
-        factor: The correction factor h for this condition.
-        run: The measured markers of this run, and what follows from them for the rest.
-    """
+    """Corrects predicted lengths by factor and measurement; names the case the run resembles."""
 
     def __init__(self, wanted: CorrectionParameters) -> None:
         what = wanted.resolved()
         condition = what.case
         trained = load_factor(weights_directory(wanted.weights))
-        self.errors = trained.errors
-        self.digest: str = trained.card["weights_sha256"]
+        self.errors = trained.errors  # Of the factor, from its card
+        self.digest: str = trained.card["weights_sha256"]  # SHA-256 of the learned numbers, in hex
         data = trained.card["data"]
         of = "runs" if isinstance(trained.model, ProcessModel) else "cases"
+        # Name of the data and their extent, in words.
         self.learned_from = f"{data['name']}, {data['cells']} lengths of {data['cases']} {of}"
         path = (what.drive.advance_per_radian, what.free_length)
         if trained.place is not None and not np.allclose(path, trained.place.configured):
@@ -48,7 +39,9 @@ class CorrectionHandler:
         # The law within a run is of the paper's rig.
         law = None if isinstance(trained.model, ProcessModel) else published_within_run()
         self._corrector = Corrector(trained, law=what.law)
+        # The correction factor h for this condition.
         self.factor = self._corrector.factor(condition)
+        # The measured markers of this run, and what follows from them for the rest.
         self.run = RunCorrector(self._corrector, law, condition)
         self._reported: tuple[frozenset[int], frozenset[int], Mapping[int, float]]
         self._reported = (frozenset(), frozenset(), {})

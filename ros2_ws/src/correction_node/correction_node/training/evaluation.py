@@ -19,8 +19,7 @@ from correction_node.models.dataset import (
 )
 from winding_core.cable.cases import Material
 
-# Predicts h, shape (n,).
-Model = Callable[[Sequence[MarkerCondition]], Array]
+Model = Callable[[Sequence[MarkerCondition]], Array]  # Predicts h, shape (n,)
 # Learns a model from cells.
 Fit = Callable[[Sequence[LengthCell]], Model]
 RIDGE_PENALTY = 1.0
@@ -28,14 +27,10 @@ RIDGE_PENALTY = 1.0
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """Errors of one way of learning h, in Table 7's measure.
-
-    Attributes:
-        leave_one_case_out_pct: Mean over all cells, each predicted by a model that never saw
-            its case.
-    """
+    """Errors of one way of learning h, in Table 7's measure."""
 
     in_sample_pct: float  # Mean over all cells, learned from all cells
+    # Mean over all cells, each predicted by a model that never saw its case.
     leave_one_case_out_pct: float
     worst_case_pct: float  # Largest mean of one left-out case
     in_sample: Array  # h by cell, shape (n,)

@@ -1,7 +1,5 @@
 """The whole way from measured cells to a factor with its card: learn, hold out, compare, bound."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -41,8 +39,7 @@ from correction_node.training.training import (
 
 __all__ = ["NETWORK", "HeldOut", "Learned", "Progress", "learn", "learn_and_hold_out", "verdict"]
 
-# A guess, and called one in the card: there is no data outside the box.
-OUTSIDE_FACTOR = 2.0
+OUTSIDE_FACTOR = 2.0  # A guess, and called one in the card: there is no data outside the box
 # The rod differs from its quasi-static limit by 0.14 %, the paper's simulation by a third.
 REFERENCE_TOLERANCE = 0.01
 
@@ -79,9 +76,7 @@ def learn_and_hold_out(
         held_out = hold_out(cells, [model.h for model in others])
         found.append(
             HeldOut(
-                whole=whole,
-                left_out=tuple(others),
-                score=score(cells, whole.h(cells), held_out),
+                whole=whole, left_out=tuple(others), score=score(cells, whole.h(cells), held_out)
             )
         )
     return found
@@ -234,12 +229,7 @@ def _card(
     learner, cells = OWN if data.own else LEARNERS[name], data.cells
     cases = len(set(case_numbers(cells).tolist()))
     return {
-        "data": {
-            "name": data.name,
-            "sha256": data.sha256,
-            "cells": len(cells),
-            "cases": cases,
-        },
+        "data": {"name": data.name, "sha256": data.sha256, "cells": len(cells), "cases": cases},
         "model": learner.description,
         "selection": learner.selection,
         "training": training if learner.seeded else {},

@@ -1,7 +1,5 @@
 """Learns h from measured lengths: networks (Eq. 5), the rig, a process."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -12,14 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from correction_node.models.dataset import (
-    INPUTS,
-    Array,
-    LengthCell,
-    case_numbers,
-    lengths,
-    strain,
-)
+from correction_node.models.dataset import INPUTS, Array, LengthCell, case_numbers, lengths, strain
 from correction_node.models.factor_models import (
     RIG_LAW,
     FactorModel,
@@ -40,10 +31,6 @@ class FactorNetworks(nn.Module):
 
     They share nothing but their shape: the gradient of the sum of their losses is each one's own.
     Every network starts near h = 1, no correction, whatever its seed.
-
-    Args:
-        inputs: Numbers that each network sees.
-        seeds: One for each network.
     """
 
     def __init__(self, inputs: int, seeds: Sequence[int]) -> None:
@@ -210,20 +197,16 @@ PROCESS = "process"
 
 @dataclass(frozen=True, kw_only=True)
 class Learner:
-    """One way of learning h.
+    """One way of learning h."""
 
-    Attributes:
-        learn_all: Returns one model for each set of cells, started from the seed beside it; the
-            sets do not see each other.
-        selection: What of its form was chosen after seeing which errors: how far its left-out
-            error flatters it.
-        physical: Whether it needs a solver that is quasi-static in essence, see `reference_law`.
-    """
-
+    # Returns one model for each set of cells, started from the seed beside it; the sets do not see
+    # each other.
     learn_all: LearnAll
     description: str  # One sentence
+    # What of its form was chosen after seeing which errors: how far its left-out error flatters it.
     selection: str
     seeded: bool = True  # Whether it starts at random, so that another seed gives another model
+    # Whether it needs a solver that is quasi-static in essence, see `reference_law`.
     physical: bool = False
     by_marker: bool = True  # Whether h differs between the markers of a case
 
@@ -294,9 +277,7 @@ def _equation_five(cells: Sequence[LengthCell]) -> Problem:
 
 def _relative(cells: Sequence[LengthCell], predicted: Array, measured: Array) -> Problem:
     return Problem(
-        inputs=INPUTS["dimensionless"](cells),
-        gain=predicted / measured,
-        target=np.ones(len(cells)),
+        inputs=INPUTS["dimensionless"](cells), gain=predicted / measured, target=np.ones(len(cells))
     )
 
 

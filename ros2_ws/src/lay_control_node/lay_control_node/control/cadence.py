@@ -1,28 +1,19 @@
 """How far apart the commands of a motion are planned and leave, and whether that is too far."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 # A machine that waits half a second for a command has to hear of a gap before it stops [s].
 LONGEST_GAP = 0.2
-# So long without such a gap, and the law commands again [s].
-_ON_TIME = 2.0
+_ON_TIME = 2.0  # So long without such a gap, and the law commands again [s]
 
 
 @dataclass(kw_only=True)
 class Cadence:
-    """Follows the commands of a motion, and the readings that they answer.
+    """Follows the commands of a motion, and the readings that they answer."""
 
-    Attributes:
-        largest: Largest time between two commands that left [s].
-        unplanned: Largest time between two that were planned from readings [s].
-        largest_of_readings: Largest time between the arrivals of two readings [s].
-    """
-
-    largest: float = 0.0
-    unplanned: float = 0.0
-    largest_of_readings: float = 0.0
+    largest: float = 0.0  # Largest time between two commands that left [s]
+    unplanned: float = 0.0  # Largest time between two that were planned from readings [s]
+    largest_of_readings: float = 0.0  # Largest time between the arrivals of two readings [s]
     _sent: float | None = None
     _planned: float | None = None
     _read: float | None = None

@@ -1,7 +1,5 @@
 """Parameters of the controller, and the controller that follows from them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,10 +21,8 @@ from winding_core.parameters import parameter
 
 # Multiple of the friction coefficient by which ln(pull) may change per radian (`PullBounds`).
 _PULL_CHANGE = 1.4
-# A measured height that is off by this part of the pitch may be another turn's.
-_OF_PITCH = 0.25
-# Cable that is held by less slips whatever the guide does.
-_LEAST_FRICTION = 0.02
+_OF_PITCH = 0.25  # A measured height that is off by this part of the pitch may be another turn's
+_LEAST_FRICTION = 0.02  # Cable that is held by less slips whatever the guide does
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,9 +128,7 @@ class ControlParameters(GuideBounds):
                 markers=markers,
                 wanted=wanted,
                 bounds=PullBounds(
-                    low=pulls[0],
-                    high=pulls[1],
-                    per_radian=_PULL_CHANGE * what.friction,
+                    low=pulls[0], high=pulls[1], per_radian=_PULL_CHANGE * what.friction
                 ),
             )
         return LayController(

@@ -1,7 +1,5 @@
 """Where markers will land under control, and how well that is known before the run."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,33 +16,26 @@ from winding_core.lay.records import ControlMode
 
 Array = NDArray[np.float64]
 
-# Steps of the wound angle [rad].
-_STEP = 0.05
+_STEP = 0.05  # Steps of the wound angle [rad]
 # A marker is measured so far behind the contact line [rad], with such a deviation [rad].
 _SEEN_AFTER, _SIGMA_SEEN = 0.3, 1.0e-3
-# An unusual rig is off by so many deviations.
-_UNUSUAL = 2.2
-# Nothing moves by less [rad].
-_LEAST = 1.0e-9
-# A run ends so many radians behind the last wanted marker.
-_BEYOND = 20.0
+_UNUSUAL = 2.2  # An unusual rig is off by so many deviations
+_LEAST = 1.0e-9  # Nothing moves by less [rad]
+_BEYOND = 20.0  # A run ends so many radians behind the last wanted marker
 
 
 @dataclass(frozen=True, kw_only=True)
 class ExpectedLanding:
-    """A wanted marker under control.
-
-    Attributes:
-        sigma: One standard deviation of that [rad], of the prior of that tension, and of
-            what its law leaves out.
-        unusual: Its larger miss under two rigs that are 2.2 deviations off where that moves the
-            first marker most [rad]: the pull may come to its bounds there.
-    """
+    """A wanted marker under control."""
 
     number: int  # Of the marker
     wanted: float  # Wound angle [rad]
     expected: float  # Where it lands if the tension at lay-on is that of the prior [rad]
+    # One standard deviation of that [rad], of the prior of that tension, and of what its law leaves
+    # out.
     sigma: float
+    # Its larger miss under two rigs that are 2.2 deviations off where that moves the first marker
+    # most [rad]: the pull may come to its bounds there.
     unusual: float
 
     @property

@@ -189,18 +189,13 @@ class BoundedMotion:
         bounds: Of the axis.
         position: Where the axis stands when it is taken over.
         speed: How fast it goes then.
-
-    Attributes:
-        position: Setpoint, within the travel.
-        speed: Its rate.
-        limited: Whether the last step fell short of what was wanted.
     """
 
     def __init__(self, bounds: AxisBounds, position: float, speed: float) -> None:
         self.bounds = bounds
-        self.position = min(max(position, bounds.low), bounds.high)
-        self.speed = min(max(speed, -bounds.speed), bounds.speed)
-        self.limited = False
+        self.position = min(max(position, bounds.low), bounds.high)  # Setpoint, within the travel
+        self.speed = min(max(speed, -bounds.speed), bounds.speed)  # Its rate
+        self.limited = False  # Whether the last step fell short of what was wanted
         self._low, self._high = bounds.low, bounds.high
 
     def wait_for(self, position: float, reach: float) -> None:

@@ -1,7 +1,5 @@
 """The pull under which the next markers land where they are wanted."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,17 +13,14 @@ from lay_control_node.planning.lay_on import LayOnLaw
 
 Array = NDArray[np.float64]
 
-# A marker that lands within this is late: the pull is for those behind it [rad].
-_LATE = 0.3
-# How many markers ahead the pull is planned for.
-_AHEAD = 3
+_LATE = 0.3  # A marker that lands within this is late: the pull is for those behind it [rad]
+_AHEAD = 3  # How many markers ahead the pull is planned for
 # Pieces of the plan and of its integral [rad].
 _PIECE, _STEP = 1.5, 0.1
 _ITERATIONS = 3
 # Angle that a change of the pull at its limit is worth, so that none is made without use [rad].
 _EFFORT = 0.005
-# A plan is made anew after this angle [rad].
-_RENEWED = 0.5
+_RENEWED = 0.5  # A plan is made anew after this angle [rad]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,11 +143,7 @@ class LandingLaw:
         return low
 
     def _renewed(
-        self,
-        progress: Progress,
-        estimate: StretchEstimate,
-        pull: float,
-        aims: Mapping[int, float],
+        self, progress: Progress, estimate: StretchEstimate, pull: float, aims: Mapping[int, float]
     ) -> tuple[Array, Array]:
         """Return angles [rad] and ln(pull) of a new plan, which begins where the old one is."""
         from scipy.optimize import lsq_linear  # noqa: PLC0415

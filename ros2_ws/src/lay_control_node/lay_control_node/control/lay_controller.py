@@ -1,7 +1,5 @@
 """The controller of the lay: what has landed, what is wanted, and what is commanded for it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -23,8 +21,7 @@ from winding_core.lay.records import ControlBasis, ControlMode, LayFlag, LayReco
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers
 
-# Frames without a flag that a marker is averaged over.
-_FRAMES = 20
+_FRAMES = 20  # Frames without a flag that a marker is averaged over
 # How far their angles may spread: so much [rad], or so many of their own deviations where these
 # are larger. Of 20 frames of a marker that lies, one set in a hundred spreads further than 5.7.
 _SPREAD = 8.0e-3
@@ -89,32 +86,25 @@ def _mean(number: int, frames: list[list[float]]) -> LandedMarker:
     )
 
 
-# Cable that lies on less than this has nothing on the cylinder that could slip [rad].
-UNWOUND = 0.2
-# Neighbours hold cable off its place by so many deviations at most.
-_DOUBTS = 3.0
-# Least tension that a span is taken to carry [N].
-_LEAST_TENSION = 1.0e-3
+UNWOUND = 0.2  # Cable that lies on less than this has nothing on the cylinder that could slip [rad]
+_DOUBTS = 3.0  # Neighbours hold cable off its place by so many deviations at most
+_LEAST_TENSION = 1.0e-3  # Least tension that a span is taken to carry [N]
 
 
 @dataclass(frozen=True, kw_only=True)
 class ControllerConfig:
-    """How the controller goes on when a node is silent.
-
-    Attributes:
-        unseen_angle: Wound angle without a measured height after which the lay counts as
-            unseen [rad].
-        solver_patience: Time without the solver after which the guide follows the drive
-            programme [s]; infinite where no solver is subscribed to.
-    """
+    """How the controller goes on when a node is silent."""
 
     advance_per_radian: float  # Guide advance of the drive programme [m/rad]
     bending_stiffness: float  # EI of the cable [N m^2]
     guide: AxisBounds  # Bounds of the carriage
+    # Wound angle without a measured height after which the lay counts as unseen [rad].
     unseen_angle: float = 3.0 * math.pi
     # How far off its layer's height a place may be seen that counts [m].
     height_tolerance: float = 1.0e-3
     following_error: float = 0.02  # How far the setpoint goes ahead of the carriage [m]
+    # Time without the solver after which the guide follows the drive programme [s]; infinite where
+    # no solver is subscribed to.
     solver_patience: float = 1.0
     # Smallest and largest pull that is commanded where the program states one [N]; None for none.
     pulls: tuple[float, float] | None = None
@@ -144,11 +134,6 @@ class LayController:
 
     A carriage that has been driven is not left standing beside a cylinder that winds: in the other
     modes it goes on at the drive programme's advance, and the pull stays as it is.
-
-    Attributes:
-        landing: Law of the brake; None where there is none or no marker has a wanted angle.
-        watch: Finds what is wrong with layers; None on a bare cylinder.
-        innovations: Of measured heights, in standard deviations, the newest last.
     """
 
     config: ControllerConfig  # Bounds and patience
@@ -156,10 +141,12 @@ class LayController:
     law: GuideLaw  # Of the guide
     lay: LayFilter  # Estimate of the lay
     stretch: StretchFilter  # Estimate of the tension at lay-on
+    # Law of the brake; None where there is none or no marker has a wanted angle.
     landing: LandingLaw | None = None
-    watch: LayerWatch | None = None
+    watch: LayerWatch | None = None  # Finds what is wrong with layers; None on a bare cylinder
     mode: ControlMode = ControlMode.WATCH  # What is done with the result
     late: bool = False  # Whether commands leave too late for what has been measured to be fed back
+    # Of measured heights, in standard deviations, the newest last.
     innovations: list[float] = field(default_factory=list)
     _landed: LandedMarkers = field(default_factory=LandedMarkers)
     _guide: BoundedMotion | None = None

@@ -1,7 +1,5 @@
 """Where the cable lands now: a Kalman filter over the wound angle, fed by what the camera saw."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass
@@ -11,15 +9,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Steps of the wound angle between which the guide is taken as moving evenly [rad].
-_STEP = 0.01
-# The span's end counts as bent over this at least [m].
-_LEAST_BEND = 5.0e-4
+_STEP = 0.01  # Steps of the wound angle between which the guide is taken as moving evenly [rad]
+_LEAST_BEND = 5.0e-4  # The span's end counts as bent over this at least [m]
 # Its largest share of the free length.
 _MOST_BEND = 0.3
 _CHANGE = 1.0e-4
-# How far the cable may land from the guide where nothing is known [m].
-_UNKNOWN = 0.03
+_UNKNOWN = 0.03  # How far the cable may land from the guide where nothing is known [m]
 # A height further off than so many deviations, and than the gate, is an outlier. Outliers that
 # persist over such an angle [rad] are accepted: then the estimate is wrong, and begins anew.
 _OUTLYING, _PERSISTENT = 6.0, math.pi
@@ -28,21 +23,18 @@ Z, HEADED, LENGTH, OFFSET = range(4)
 
 @dataclass(frozen=True, kw_only=True)
 class LayFilterConfig:
-    """Prior of the lay before anything has landed, and how much it may drift.
-
-    Attributes:
-        sigma_offset: Of the place of the cable's eye against the carriage's reading [m].
-        drift_z: Of what the law of the lag leaves out, per square root of a radian [m].
-        play: Play of the eye on its carriage [m]; the eye is somewhere in it after a reversal.
-    """
+    """Prior of the lay before anything has landed, and how much it may drift."""
 
     radius: float  # Centreline radius R + r [m]
     free_length: float  # Prior of the tangent span between cylinder and guide [m]
     sigma_length: float = 0.02  # One standard deviation of that prior [m]
+    # Of the place of the cable's eye against the carriage's reading [m].
     sigma_offset: float = 3.0e-4
+    # Of what the law of the lag leaves out, per square root of a radian [m].
     drift_z: float = 3.0e-5
     drift_length: float = 1.0e-3  # Of the effective free length, per square root of a radian [m]
     drift_offset: float = 3.0e-5  # Of the eye's place, per square root of a radian [m]
+    # Play of the eye on its carriage [m]; the eye is somewhere in it after a reversal.
     play: float = 3.0e-4
     correlated: float = 3.0e-5  # Part of a measured height that its neighbours have in common [m]
     gate: float = 4.0e-3  # How far off a height may be whatever the deviations [m]
@@ -106,9 +98,6 @@ class LayFilter:
 
     On a drum the radius of each layer is that of its plan. The guide keeps its distance from the
     axis, so one free length on the bare cylinder is that of every layer.
-
-    Args:
-        config: The prior.
     """
 
     def __init__(self, config: LayFilterConfig) -> None:
@@ -176,12 +165,7 @@ class LayFilter:
         self._since.append(place)
 
     def measure(
-        self,
-        theta: float,
-        z: float,
-        sigma: float,
-        limit: float = math.inf,
-        held: float = 0.0,
+        self, theta: float, z: float, sigma: float, limit: float = math.inf, held: float = 0.0
     ) -> float | None:
         """Take the height z [m] of cable at a wound angle [rad] with its deviation [m].
 

@@ -1,7 +1,5 @@
 """What is wrong with the layers on a drum: gaps, climbs and turns that are missing at an edge."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
@@ -15,15 +13,12 @@ from winding_core.units import MILLIMETRE
 
 Array = NDArray[np.float64]
 
-# Places that are compared with those of the turn before.
-_PER_TURN = 72
+_PER_TURN = 72  # Places that are compared with those of the turn before
 # Neighbours that are so many diameters farther apart or closer than wanted lie wrong, and so do
 # those whose places are known no better than so many deviations.
 _OFF, _DEVIATIONS = 0.3, 4.0
-# Cable that lies beside the turn before within so many deviations touches it.
-_TOUCHES = 2.0
-# Two turns of a layer lie farther apart than so many diameters.
-_SAME = 0.5
+_TOUCHES = 2.0  # Cable that lies beside the turn before within so many deviations touches it
+_SAME = 0.5  # Two turns of a layer lie farther apart than so many diameters
 # Cable that is seen so many diameters higher than planned has climbed; what is seen nearer than
 # this to the turn before may be that turn.
 _HIGH, _OTHER = 0.5, 0.1
@@ -75,12 +70,6 @@ class LayerWatch:
 
     It knows where the cable landed: as estimated while it lands, and as measured where it was seen
     as high as its layer lies. Only neighbours of one layer are compared.
-
-    Args:
-        wound: The drum as it is to be filled.
-
-    Attributes:
-        faults: What was found, in order.
     """
 
     def __init__(self, wound: WoundDrum) -> None:
@@ -96,7 +85,7 @@ class LayerWatch:
         self._onward = np.array([layer.direction for layer in wound.layers])[self._layers - 1]
         self._apart = self._onward * (wanted - np.roll(wanted, _PER_TURN))
         self._landed = self._next_edge = 0
-        self.faults: list[LayerFault] = []
+        self.faults: list[LayerFault] = []  # What was found, in order
 
     def layer_at(self, theta: float) -> Layer:
         """Return the layer that is planned at a wound angle [rad]."""

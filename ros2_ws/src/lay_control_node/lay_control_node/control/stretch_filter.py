@@ -1,7 +1,5 @@
 """How much of the pull at the guide reaches the cylinder, from where markers have landed."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 
@@ -25,11 +23,7 @@ _OUTLYING = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class StretchFilterConfig:
-    """Prior of the tension at lay-on before a marker has landed.
-
-    Attributes:
-        tension_error: What the law leaves out of the tension, relative: a brake's own friction.
-    """
+    """Prior of the tension at lay-on before a marker has landed."""
 
     share: float = 0.7  # Share of the pull at the guide that reaches the cylinder
     sigma_share: float = 0.15  # One standard deviation of it
@@ -41,6 +35,7 @@ class StretchFilterConfig:
     sigma_build_up: float = 0.075  # One standard deviation of it [m]
     drift_share: float = 0.01  # Change of the share from marker to marker, one standard deviation
     model_error: float = 7.0e-4  # What the closed form leaves out of a segment's length, relative
+    # What the law leaves out of the tension, relative: a brake's own friction.
     tension_error: float = 0.04
 
 
@@ -64,11 +59,7 @@ class StretchEstimate:
         """Return the law of a mean (4,) and its covariance (4, 4)."""
         share, drag, start, build_up = map(float, mean)
         return cls(
-            share=share,
-            drag=drag,
-            start=start,
-            build_up_length=build_up,
-            covariance=covariance,
+            share=share, drag=drag, start=start, build_up_length=build_up, covariance=covariance
         )
 
     def moved(self, change: Array) -> Self:
@@ -120,12 +111,7 @@ class StretchFilter:
         self.config = config
         self._law, self._spacing, self._radius = law, spacing, radius
         self._mean = np.array([config.share, config.drag, config.start, config.build_up])
-        sigmas = (
-            config.sigma_share,
-            config.sigma_drag,
-            config.sigma_start,
-            config.sigma_build_up,
-        )
+        sigmas = (config.sigma_share, config.sigma_drag, config.sigma_start, config.sigma_build_up)
         self._covariance = np.diag(np.square(sigmas))
         # End angle, pull [N], slope [m/rad] of every step since the last landed marker.
         self._steps: list[tuple[float, float, float]] = []

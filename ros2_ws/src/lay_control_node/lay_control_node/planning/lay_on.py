@@ -1,7 +1,5 @@
 """How much undeformed cable lies on a radian of the cylinder under a tension or a pull."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,23 +12,14 @@ from winding_core.cable.material_law import MaterialLaw
 Array = NDArray[np.float64]
 
 _FORCES = 2000
-# A span that pulls less than bending takes leaves the cable short.
-_SMALLEST_STRETCH = 0.9
-# A cable stretched further than this is not wound.
-_LARGEST_STRETCH = 3.5
+_SMALLEST_STRETCH = 0.9  # A span that pulls less than bending takes leaves the cable short
+_LARGEST_STRETCH = 3.5  # A cable stretched further than this is not wound
 
 
 class LayOnLaw:
     """Cable lies down with the stretch of its tension, less EI l / (2 rho^2) for bending.
 
     The same closed form as `winding_core.lay.quasi_static`, as a table over the tension.
-
-    Args:
-        case: What is wound.
-        law: Material of the cable.
-
-    Attributes:
-        largest: Largest tension of the table [N].
     """
 
     def __init__(self, case: Case, law: MaterialLaw) -> None:
@@ -44,7 +33,7 @@ class LayOnLaw:
         self._force = force + bending
         self._stretch = stretch
         self._radius = radius
-        self.largest = float(self._force[-1])
+        self.largest = float(self._force[-1])  # Largest tension of the table [N]
 
     def stretch(self, force: float | Array) -> Array:
         """Return the stretch of laid cable under tensions of the span [N], same shape."""
@@ -67,10 +56,8 @@ class LayOnLaw:
         return np.asarray(np.hypot(self.radius(force) + raised, slope) / self.stretch(force))
 
 
-# Pulls are planned up to this share of what the material carries at all.
-_OF_LIMIT = 0.98
-# A wound angle at which every build-up has ended [rad].
-_BUILT = 1.0e9
+_OF_LIMIT = 0.98  # Pulls are planned up to this share of what the material carries at all
+_BUILT = 1.0e9  # A wound angle at which every build-up has ended [rad]
 
 
 @dataclass(frozen=True, kw_only=True)

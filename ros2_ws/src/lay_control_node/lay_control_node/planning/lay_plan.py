@@ -1,7 +1,5 @@
 """A planned run: motion and pull over time, what will lie where, and its table for a PLC."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math
@@ -22,8 +20,7 @@ from winding_core.units import known
 Array = NDArray[np.float64]
 
 FULL_TURN = 2.0 * math.pi
-# Points per turn at which residuals are compared.
-_PER_TURN = 200
+_PER_TURN = 200  # Points per turn at which residuals are compared
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,12 +39,7 @@ class PlannedSamples:
 
 @dataclass(frozen=True, kw_only=True)
 class LayPlan:
-    """What the machine shall do for a program, and what comes of it.
-
-    Attributes:
-        uncompensated: z of the lay there with a guide that moves along the program itself [m],
-            shape (n,).
-    """
+    """What the machine shall do for a program, and what comes of it."""
 
     program: LayProgram  # What is wanted
     what: ResolvedCondition  # What is wound
@@ -59,6 +51,7 @@ class LayPlan:
     motion: Motion  # Of both axes
     theta: Array  # Wound angles of the prediction, not descending [rad], shape (n,)
     predicted: Array  # z of the lay there by the lag law [m], shape (n,)
+    # z of the lay there with a guide that moves along the program itself [m], shape (n,).
     uncompensated: Array
     corners: tuple[Corner, ...]  # That are rounded
     track: Track  # On which the pull is planned

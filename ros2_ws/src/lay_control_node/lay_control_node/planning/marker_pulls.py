@@ -1,7 +1,5 @@
 """Which pull lands marker n at its angle: more pull, more stretch, less cable per angle, later."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -13,8 +11,7 @@ from lay_control_node.planning.lay_on import StretchedCable
 Array = NDArray[np.float64]
 
 _BISECTIONS = 40
-# A marker that lands so little after the end lands at the end [rad].
-_AT_THE_END = 1.0e-3
+_AT_THE_END = 1.0e-3  # A marker that lands so little after the end lands at the end [rad]
 
 
 @dataclass(frozen=True, kw_only=True)

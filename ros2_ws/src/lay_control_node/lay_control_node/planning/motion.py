@@ -16,8 +16,7 @@ from winding_core.lay.smoothed_line import SmoothedLine
 Array = NDArray[np.float64]
 
 _ROUNDS = 60
-# A motion that has to be slower than this share of its speed is planned anew.
-_LEAST = 1.0e-3
+_LEAST = 1.0e-3  # A motion that has to be slower than this share of its speed is planned anew
 # Nodes and weights of Gauss and Legendre's rule on 0..1, exact to the fifth power.
 _NODES = 0.5 + 0.5 * np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0])
 _WEIGHTS = np.array([5.0, 8.0, 5.0]) / 18.0
@@ -173,8 +172,7 @@ def _running_min(values: Array, half: int) -> Array:
     return np.minimum(backward[: values.size], forward[width - 1 : width - 1 + values.size])
 
 
-# Largest slope of the smooth ramp, over that of a straight one.
-STEEPEST = 1.5
+STEEPEST = 1.5  # Largest slope of the smooth ramp, over that of a straight one
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -221,8 +219,7 @@ class CylinderCourse:
         )
 
 
-# Longest step of the motion's own time [s]; a ramp of 50 ms has ten of them.
-_STEP = 5.0e-3
+_STEP = 5.0e-3  # Longest step of the motion's own time [s]; a ramp of 50 ms has ten of them
 # Time over which the speed changes where the cylinder is slowed [s].
 _SLOWING_TIME = 0.1
 MOST_SAMPLES = 2_000_000

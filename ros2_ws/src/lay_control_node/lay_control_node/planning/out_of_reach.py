@@ -21,8 +21,7 @@ _MOST_CORNERS = 6
 # Of a turn: a marker that misses its angle by less lands where it is wanted.
 LANDED = 1.0e-3
 _ROUNDING = 1.0e-6
-# Of what friction holds: less slip than this makes is not reported.
-SLIPPING = 1.25
+SLIPPING = 1.25  # Of what friction holds: less slip than this makes is not reported
 
 
 def sentences_of(

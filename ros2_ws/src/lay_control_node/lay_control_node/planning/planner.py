@@ -1,7 +1,5 @@
 """From a program to the machine's motion: path, rounding, motion, lay, pulls, in this order."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np
@@ -29,8 +27,7 @@ from winding_core.lay.smoothed_line import smoothed_program
 
 Array = NDArray[np.float64]
 
-# Share of a residual limit that rounding may take.
-_OF_LIMIT = 0.95
+_OF_LIMIT = 0.95  # Share of a residual limit that rounding may take
 # The pull is planned on samples so far apart [rad].
 _TRACK_STEP = 0.02
 _STANDING_SAMPLES = 50
@@ -142,10 +139,7 @@ def _steady_speed(program: LayProgram, wanted: float, limits: PlanLimits) -> flo
 
 
 def _pulls(
-    program: LayProgram,
-    cable: StretchedCable,
-    limits: PlanLimits,
-    grid: tuple[Array, Array, Array],
+    program: LayProgram, cable: StretchedCable, limits: PlanLimits, grid: tuple[Array, Array, Array]
 ) -> tuple[Track, PullPlan]:
     t, theta, slope = grid
     # The brake settles while the cylinder stands.

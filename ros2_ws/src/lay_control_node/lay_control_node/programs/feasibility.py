@@ -16,10 +16,8 @@ from winding_core.units import MILLIMETRE
 
 # Neighbours are compared every so much of a turn, and at every point of the program.
 _STEP = FULL_TURN / 48.0
-# Touching neighbours are no overlap.
-_ROUNDING = 1.0e-9
-# No run winds more, and comparing them would take minutes.
-_MOST_PAIRS = 20_000_000
+_ROUNDING = 1.0e-9  # Touching neighbours are no overlap
+_MOST_PAIRS = 20_000_000  # No run winds more, and comparing them would take minutes
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,10 +34,6 @@ def refuse_overlap(program: LayProgram, cable_diameter: float) -> None:
 
     Where z has turned back in between and they run in different directions they cross, see
     `crossings`.
-
-    Args:
-        program: The program.
-        cable_diameter: [m]
 
     Raises:
         LayProgramError: Two turns would overlap; the message contains where.

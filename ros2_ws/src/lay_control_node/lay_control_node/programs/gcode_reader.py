@@ -4,8 +4,6 @@ The carriage of such a program is taken for where the cable is wanted, because t
 neither a lag nor a stretch. Times and feed rates are ignored: the plan has its own.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterator

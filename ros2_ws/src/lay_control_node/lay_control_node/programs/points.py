@@ -14,8 +14,7 @@ from winding_core.units import MILLIMETRE
 
 FULL_TURN = 2.0 * math.pi
 MOST_POINTS = 100_000
-# An hour at full speed is less.
-MOST_TURNS = 10_000.0
+MOST_TURNS = 10_000.0  # An hour at full speed is less
 
 # Column -> one of it in radians or metres.
 ANGLES = {"theta_rad": 1.0, "theta_deg": math.pi / 180.0, "turns": FULL_TURN}
@@ -38,10 +37,6 @@ class Columns:
     def of(cls, names: Collection[str], where: str) -> Columns:
         """Choose among names of columns.
 
-        Args:
-            names: Of the columns that are there.
-            where: What has them, for a refusal.
-
         Raises:
             LayProgramError: One is unknown or missing, or one is there twice.
         """
@@ -59,16 +54,13 @@ class Columns:
 
 @dataclass(kw_only=True)
 class PointList:
-    """Points of a program, added one by one.
-
-    Attributes:
-        markers: Wound angle of marker n so far [rad], by n.
-    """
+    """Points of a program, added one by one."""
 
     radius: float  # Of the laid cable's centreline [m]
     theta: list[float] = field(default_factory=list)  # Wound angles so far [rad]
     z: list[float] = field(default_factory=list)  # Axial positions so far [m]
     tension: list[float] = field(default_factory=list)  # Pulls so far [N]; nan for the condition's
+    # Wound angle of marker n so far [rad], by n.
     markers: dict[int, float] = field(default_factory=dict)
     length: float = 0.0  # Of the laid cable so far [m]
 

@@ -1,7 +1,5 @@
 """Which reader takes a program file: by its suffix, on its text."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -10,8 +8,7 @@ from lay_control_node.programs.points import parse_csv
 from lay_control_node.programs.yaml_reader import parse_yaml
 from winding_core.lay.program import LayProgram, LayProgramError
 
-# A program of a hundred thousand points takes a few megabytes.
-MOST_BYTES = 10_000_000
+MOST_BYTES = 10_000_000  # A program of a hundred thousand points takes a few megabytes
 
 
 def read_text(path: Path) -> str:

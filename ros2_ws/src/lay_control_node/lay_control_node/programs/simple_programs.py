@@ -1,7 +1,5 @@
 """Programs that need no file: one helix, and markers that land on whole turns."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 

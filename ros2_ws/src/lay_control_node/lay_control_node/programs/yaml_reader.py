@@ -1,7 +1,5 @@
 """Lay programs as YAML: points, pieces in words, pull and markers."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
@@ -113,8 +111,7 @@ def _reverse_at(
 
 
 SEGMENTS: dict[
-    str,
-    tuple[tuple[str, ...], Callable[[PointList, Mapping[str, object], float, str], None]],
+    str, tuple[tuple[str, ...], Callable[[PointList, Mapping[str, object], float, str], None]]
 ] = {
     "helix": (("pitch_mm", "turns"), _helix),
     "dwell": (("turns",), _dwell),

@@ -1,7 +1,5 @@
 """Sends commands on while the node is at other work, or waits for the machine's readings."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterable
 

@@ -1,7 +1,5 @@
 """Machine, markers, lay and solver in; what is commanded of guide and brake out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -26,8 +24,7 @@ from winding_ros.topic import Topic
 
 # A machine that has stood for longer is not commanded: it may have been stopped [s].
 _STANDING = 0.2
-# A stamp of zero means that a command holds from its arrival [s].
-_FIRST_STAMP = 1.0e-9
+_FIRST_STAMP = 1.0e-9  # A stamp of zero means that a command holds from its arrival [s]
 # A command without a successor for so many periods is carried on, for so long at most [s]; a
 # machine that is silent for twice as long is stopped by supervision.
 _CARRIED_AFTER = 2.0
@@ -167,9 +164,6 @@ class LayControlHandler:
 
         It goes on at its own rate for as long as a gap may be, then at the drive programme's for a
         second: what stays away for longer is for the machine to deal with.
-
-        Args:
-            now: Monotonic time [s].
         """
         planned = self._planned
         if planned is None or self.cadence.since(now) < _CARRIED_AFTER * self._period:

@@ -1,7 +1,5 @@
 """Parameters of the lay controller's node."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

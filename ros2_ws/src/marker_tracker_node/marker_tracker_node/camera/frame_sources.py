@@ -1,7 +1,5 @@
 """Recorded frames with their times: folders of pictures, video files, and bags of any topics."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections import Counter
@@ -32,19 +30,14 @@ _GIVE_RATE = "give the camera's rate (--fps) to count pictures instead"
 # Steps that differ by less are even: containers round times to milliseconds.
 EVEN_SHARE = 0.1
 ROUNDING = 1.001e-3
-# Rates that differ by less are the same.
-SAME_RATE = 0.005
+SAME_RATE = 0.005  # Rates that differ by less are the same
 # So many equal times in succession are no times.
 REPEATED = 3
 BAGS = (".mcap", ".db3", ".bag")
 
 
 class FrameSource:
-    """The frames of a recording, read once.
-
-    Attributes:
-        refused: How many pictures could not be read, by reason.
-    """
+    """The frames of a recording, read once."""
 
     def __init__(
         self, path: Path, *, fps: float | None = None, reader: PixelReader | None = None
@@ -62,7 +55,7 @@ class FrameSource:
         """
         if fps is not None and not (math.isfinite(fps) and fps > 0.0):
             raise RecordingError(f"the frame rate must be positive and finite, got {fps:g}")
-        self.refused: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()  # How many pictures could not be read, by reason
         self._path = path
         self._fps = fps
         self._reader = reader or PixelReader()

@@ -1,7 +1,5 @@
 """Pixels as a camera delivers them, read into blue, green and red, and written as it does."""
 
-from __future__ import annotations
-
 import sys
 from dataclasses import dataclass
 from typing import Any
@@ -18,10 +16,8 @@ __all__ = ["ENCODINGS", "FileImage", "ImageFormatError", "PixelReader", "RawImag
 # Widths of a sensor's numbers that words of 16 bits may hold [bits].
 _NARROW = (10, 12, 14)
 _WORD_BITS = 16
-# So many pictures with narrow values are no coincidence of a dark scene.
-_PROOF = 8
-# Files of a CompressedImage, by what they are called there.
-COMPRESSIONS = ("jpeg", "png")
+_PROOF = 8  # So many pictures with narrow values are no coincidence of a dark scene
+COMPRESSIONS = ("jpeg", "png")  # Files of a CompressedImage, by what they are called there
 # A camera's mosaic stays as it is, and its pictures are not turned.
 _AS_IT_IS = cv2.IMREAD_ANYCOLOR | cv2.IMREAD_ANYDEPTH | cv2.IMREAD_IGNORE_ORIENTATION
 

@@ -57,12 +57,10 @@ class CameraPose:
     """Where the camera stands in the lab frame.
 
     Nominally it stands at +x and looks along -x, image x along +z, image y along +y.
-
-    Attributes:
-        tilt: Rotation vector about the camera's own axes from the nominal orientation [rad].
     """
 
     position: tuple[float, float, float] = (0.4175, 0.0, 0.05)  # Of the projection centre [m]
+    # Rotation vector about the camera's own axes from the nominal orientation [rad].
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:

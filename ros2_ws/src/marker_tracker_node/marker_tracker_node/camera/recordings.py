@@ -1,7 +1,5 @@
 """Recorded motion, photographs, and the file of measurements."""
 
-from __future__ import annotations
-
 import csv
 from dataclasses import dataclass
 from pathlib import Path

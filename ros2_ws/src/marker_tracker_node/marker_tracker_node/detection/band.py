@@ -5,8 +5,6 @@ cable's centre line: it behaves like a point at R + 1.6 r. Projected at R + r it
 by 37 to 167 mrad on a 30 mm cylinder.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -30,15 +28,12 @@ STEEPEST = -0.3
 
 
 class Body(NamedTuple):
-    """What a band is painted on.
-
-    Attributes:
-        half_around: Half of what is painted around the section, pi for a whole ring [rad].
-    """
+    """What a band is painted on."""
 
     rho: float  # R + r, radius of the laid cable's centre line [m]
     cable_radius: float  # r [m]
     half_band: float  # Half of a band along the cable [m]
+    # Half of what is painted around the section, pi for a whole ring [rad].
     half_around: float = math.pi
 
 
@@ -46,14 +41,12 @@ class Band(NamedTuple):
     """A band and the turns of cable beside it.
 
     Two turns closer than a cable diameter meet in the plane between them and cut the band off.
-
-    Attributes:
-        low: Angle around the section where the turn on the -z side cuts the band off [rad].
     """
 
     azimuth: float  # Of the band's middle, unwrapped [rad]
     z: float  # Axial position [m]
     slope: float  # dz/dtheta of the cable [m/rad]
+    # Angle around the section where the turn on the -z side cuts the band off [rad].
     low: float = -math.pi
     high: float = math.pi  # The same on the +z side [rad]
     below: float = math.inf  # Distance of the turn on the -z side [m]

@@ -44,20 +44,17 @@ class ColourRefusedError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class ColourModel:
-    """A region of hue and saturation, less what the background shows there.
-
-    Attributes:
-        table: One for each accepted colour, by five bits of blue, green and red, shape (32768,).
-        brightest: Level of the brightest channel that hardly a sample exceeds, 0 to 255.
-        scene: How often the background shows each hue and saturation; None if that is not known.
-    """
+    """A region of hue and saturation, less what the background shows there."""
 
     hue: float  # Robust middle of the samples [deg]
     hue_spread: float  # Half width of the accepted hues [deg]
     min_saturation: float  # Least accepted saturation, 0 to 1
+    # One for each accepted colour, by five bits of blue, green and red, shape (32768,).
     table: ByteArray
     separation: float  # Share of the background samples that the model rejects; nan without any
+    # Level of the brightest channel that hardly a sample exceeds, 0 to 255.
     brightest: float = 255.0
+    # How often the background shows each hue and saturation; None if that is not known.
     scene: FloatArray | None = None
 
     @classmethod

@@ -6,8 +6,6 @@ known. What is unknown then counts as the outline has it, so that the centre is 
 the part that is seen.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -50,10 +48,8 @@ ACROSS, FRONT, BACK = range(3)
 # Fewer unknown pixels hide nothing.
 LEAST_UNKNOWN = 4
 STEPS = 8
-# Steps end when the outline moves less [px].
-STILL = 0.01
-# A step is at most so many times what it would be with every edge in sight.
-MOST_GAIN = 4.0
+STILL = 0.01  # Steps end when the outline moves less [px]
+MOST_GAIN = 4.0  # A step is at most so many times what it would be with every edge in sight
 # What is summed over a gate: marker pixels with the unknown ones as covered, the outline's cover,
 # its part that is unknown, and the pixels on its edges.
 (
@@ -64,20 +60,16 @@ MOST_GAIN = 4.0
 # which a known band is whole: one that is covered in part would be measured beside its middle.
 NEW_AREA = (0.7, 1.4)
 WHOLE_AREA = (0.87, 1.2)
-# Below this share of its area it is asked whether light hides a part.
-GLARE_BELOW = 0.97
+GLARE_BELOW = 0.97  # Below this share of its area it is asked whether light hides a part
 # So much of a band and of the edges that tell its place must be known.
 LEAST_VISIBLE, LEAST_EDGES = 0.25, 0.25
 
 
 class Fit(NamedTuple):
-    """A band that is seen in part.
+    """A band that is seen in part."""
 
-    Attributes:
-        unknown: Pixels of the gate that may be marker or not; of no use below LEAST_UNKNOWN, and
-            then the only number.
-    """
-
+    # Pixels of the gate that may be marker or not; of no use below LEAST_UNKNOWN, and then the only
+    # number.
     unknown: int
     marked: int  # Marker pixels
     expected: float  # Known pixels that lie within the outline

@@ -5,8 +5,6 @@ of `colour_band.measure` and returns a `Detection`. One that reads which marker 
 number as identity, which then counts as evidence when markers are numbered.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 from marker_tracker_node.detection import colour_band

@@ -4,8 +4,6 @@ Grey levels are taken to be proportional to light: a camera that bends them (gam
 change than is advised, in the same direction.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -15,27 +13,18 @@ import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
-from marker_tracker_node.detection.colour import (
-    CLIPPED_LEVEL,
-    CLIPPED_SHARE,
-    hsv,
-    hue_difference,
-)
+from marker_tracker_node.detection.colour import CLIPPED_LEVEL, CLIPPED_SHARE, hsv, hue_difference
 from winding_core.units import MILLISECOND
 
 # Least saturation of paint, and least level of its brightest channel: below, noise has hues.
 PAINT_SATURATION, PAINT_LEVEL = 0.35, 24.0
-# Fewer pixels of paint in all pictures show no level.
-LEAST_PAINT = 50
+LEAST_PAINT = 50  # Fewer pixels of paint in all pictures show no level
 # Paint as bright as this leaves room for a highlight, and is measured at half of it: recall 0.98
 # of light x0.5 (test_robust_runs.py), where paint of 225 under full light has 112.
 TARGET, DARKEST = 200.0, 100.0
-# Noise that is measured with recall 0.98 (the same test) [grey levels].
-MOST_NOISE = 8.0
-# Smear as wide as a pixel is no wider than the pixel makes an edge [px].
-MOST_SMEAR = 1.0
-# Changes by less are not worth a sentence.
-WORTH = 1.1
+MOST_NOISE = 8.0  # Noise that is measured with recall 0.98 (the same test) [grey levels]
+MOST_SMEAR = 1.0  # Smear as wide as a pixel is no wider than the pixel makes an edge [px]
+WORTH = 1.1  # Changes by less are not worth a sentence
 # Of noise: levels that the sensor's ends do not cut, and the filter whose answer to a plane is
 # nothing (Immerkaer, Computer Vision and Image Understanding 64, 1996), of gain 6.
 INSIDE = (12, 243)

@@ -1,7 +1,5 @@
 """Gates, in which marks are sought in a picture: their pixels, and what comes of looking."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -16,8 +14,7 @@ TABLE_SIZE = 32**3
 # What comes of looking for a mark; HIDDEN until it has been measured, PARTLY where light hides a
 # part of it, COVERED where the cable that is about to land hangs before it.
 OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY, COVERED = range(6)
-# Of a detector that cannot know which marker it measures.
-NO_IDENTITY = -1
+NO_IDENTITY = -1  # Of a detector that cannot know which marker it measures
 
 
 class Detection(NamedTuple):
@@ -40,17 +37,14 @@ NOTHING = Detection(HIDDEN, math.nan, math.nan, 0.0, 1.0, 1.0, NO_IDENTITY)
 
 
 class Picture(NamedTuple):
-    """A frame and the colours that are sought in it.
-
-    Attributes:
-        table: One where a colour belongs to the marker that is sought, by 5 bits of each channel,
-            shape (32768,).
-        tables: The same of everything that is distinguished, one after the other, shape ((2 +
-            colours) 32768,): what light has made unknown, any colour of markers, each of them.
-    """
+    """A frame and the colours that are sought in it."""
 
     pixels: ByteArray  # Blue-green-red, shape (rows, columns, 3)
+    # One where a colour belongs to the marker that is sought, by 5 bits of each channel, shape
+    # (32768,).
     table: ByteArray
+    # The same of everything that is distinguished, one after the other, shape ((2 + colours)
+    # 32768,): what light has made unknown, any colour of markers, each of them.
     tables: ByteArray
     colour_of: IndexArray  # Number of each marker's table, 2 or more, shape (markers,)
 

@@ -1,7 +1,5 @@
 """What is needed to measure a lay."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -27,18 +25,12 @@ class Machine(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class LayConfig:
-    """Configuration of a `LayTracker`.
-
-    Attributes:
-        advance_per_radian: Feed per radian of rotation that the lay is meant to have; its sign is
-            that of the winding along z [m/rad].
-        gap_limit: Room beyond the intended pitch that counts as a gap, in cable diameters.
-        overlap_limit: Distance from the turn beneath that counts as an overlap where it is less,
-            in cable diameters.
-    """
+    """Configuration of a `LayTracker`."""
 
     cylinder_radius: float  # R [m]
     cable_radius: float  # r [m]
+    # Feed per radian of rotation that the lay is meant to have; its sign is that of the winding
+    # along z [m/rad].
     advance_per_radian: float
     free_length: float  # Expected, of the span between guide and contact line [m]
     pose: CameraPose = field(default_factory=CameraPose)  # Where the camera stands
@@ -48,7 +40,9 @@ class LayConfig:
     ways: int = 10  # Rows that are measured on the free span
     longest: float = 0.04  # Largest way before the contact line of such a row [m]
     step: float = 0.08  # Most turning after which a row is measured again [rad], see `turning`
+    # Room beyond the intended pitch that counts as a gap, in cable diameters.
     gap_limit: float = 0.25
+    # Distance from the turn beneath that counts as an overlap where it is less, in cable diameters.
     overlap_limit: float = 0.88
     climb_limit: float = 0.5  # The same for a turn that lies on others
     roll_doubt: float = 1.0e-3  # How far the picture may be turned about the line of sight [rad]

@@ -5,8 +5,6 @@ cable falls like the root of the distance; beside the cable it is even. Where ne
 sides fall. A least-squares fit of all four numbers of the two sides places an edge.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -20,10 +18,8 @@ ByteArray = NDArray[np.uint8]
 # Share of the row's plainest contrast at which an edge counts half, and its limits relative to the
 # brightness: beyond the grooves of turned metal, and beyond noise.
 HALF_SHARE, HALF_LEAST, HALF_MOST = 0.6, 0.04, 0.2
-# A crease of depth c is as plain as a step of this many times c.
-CREASE_GAIN = 2.5
-# What is less plain is noise.
-LEAST_STRENGTH = 0.1
+CREASE_GAIN = 2.5  # A crease of depth c is as plain as a step of this many times c
+LEAST_STRENGTH = 0.1  # What is less plain is noise
 # Steps to either side of an edge that are tried in search of it, and to make it finer.
 COARSE_STEPS, FINE_STEPS, WIDE_STEPS = 4, 2, 5
 FINE_STEP = 0.35
@@ -163,13 +159,7 @@ def _shape(way: float, half: float, scale: float) -> float:  # pragma: no cover
 
 @called
 def _misfit(
-    signal: FloatArray,
-    first: int,
-    last: int,
-    edge: float,
-    half: float,
-    below: bool,
-    above: bool,
+    signal: FloatArray, first: int, last: int, edge: float, half: float, below: bool, above: bool
 ) -> float:  # pragma: no cover
     """Return the sum of squares that is left when the edge stands at a column.
 

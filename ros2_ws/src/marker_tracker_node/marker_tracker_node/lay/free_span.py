@@ -1,7 +1,5 @@
 """The free span: its angle, where it lands, and how long it is."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -222,12 +220,7 @@ class FreeLength:
         self._right = np.zeros(2)
 
     def add(self, span: FreeSpan, guide_z: float) -> None:
-        """Take the span in an instant.
-
-        Args:
-            span: As measured.
-            guide_z: Where the guide stands [m].
-        """
+        """Take the span in an instant."""
         row = np.array([guide_z - span.contact_z, 1.0])
         weight = 1.0 / (ALIKE * span.sigma_angle**2)
         self._normal += weight * np.outer(row, row)

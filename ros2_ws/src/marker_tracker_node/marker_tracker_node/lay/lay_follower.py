@@ -1,7 +1,5 @@
 """The lay beside the markers: what the tracker's frames and angles say of every turn."""
 
-from __future__ import annotations
-
 import csv
 import math
 from pathlib import Path
@@ -21,11 +19,7 @@ COLUMNS = ("turn", "theta_rad", "z_mm", "sigma_z_mm", "pitch_mm", "lift_mm", "fl
 
 
 class LayFollower:
-    """A `LayTracker` that takes its angles from a marker tracker, and begins anew with it.
-
-    Attributes:
-        lay: Of this run; None before the first frame with an encoder reading.
-    """
+    """A `LayTracker` that takes its angles from a marker tracker, and begins anew with it."""
 
     def __init__(self, belief: PoseBelief | None = None) -> None:
         """Start before a run.
@@ -34,6 +28,7 @@ class LayFollower:
             belief: How well the camera's nominal pose is known; by ruler and level unless stated.
         """
         self._belief = PoseBelief() if belief is None else belief
+        # Of this run; None before the first frame with an encoder reading.
         self.lay: LayTracker | None = None
         self._begun: tuple[Tracker, int, CameraPose] | None = None
 

@@ -1,7 +1,5 @@
 """The whole lay of a run: frames in, every turn out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -18,16 +16,13 @@ from marker_tracker_node.lay.turn_map import TurnMap, led_on
 from marker_tracker_node.lay.wound_rows import Moment, take_row
 from winding_core.lay.records import LayRecords
 
-# The free span changes more slowly than there is new cable.
-SPAN_STEPS = 1.0
+SPAN_STEPS = 1.0  # The free span changes more slowly than there is new cable
 # A span whose angle is known no better is none [rad], nor one that fewer of its rows show.
 MOST_DOUBT, MOST_ROWS = 2.5e-3, 0.6
-# No cable is laid with a greater slope, dz per way.
-STEEPEST = 0.5
+STEEPEST = 0.5  # No cable is laid with a greater slope, dz per way
 # How far the slope of a straight cable to the guide may be off, and the share by which its length.
 OFF_GUIDE, LENGTH_DOUBT = 0.02, 0.25
-# A span that was seen so long ago may be anywhere [rad].
-SPAN_MEMORY = 0.5
+SPAN_MEMORY = 0.5  # A span that was seen so long ago may be anywhere [rad]
 
 ByteArray = NDArray[np.uint8]
 FloatArray = NDArray[np.float64]
@@ -46,24 +41,15 @@ class LayTracker:
 
     A row of the picture is measured again when the cylinder has turned by `LayConfig.step`, so the
     work is bounded by turning, not by frames.
-
-    Attributes:
-        config: Machine and limits.
-        span: The free span as it was seen last, None before that.
-        anchored: Whether the camera's pose was turned until P0 stood where it must, which is then
-            known better than by `LayConfig.belief`.
     """
 
     def __init__(self, config: LayConfig, camera: PinholeCamera) -> None:
-        """Start a run.
-
-        Args:
-            config: Machine, cable, pose and limits.
-            camera: Content of CameraInfo.
-        """
-        self.config = config
+        """Start a run."""
+        self.config = config  # Machine and limits
         self._machine = config.machine
-        self.span: FreeSpan | None = None
+        self.span: FreeSpan | None = None  # The free span as it was seen last, None before that
+        # Whether the camera's pose was turned until P0 stood where it must, which is then known
+        # better than by `LayConfig.belief`.
         self.anchored = False
         self._shape = camera.shape
         self._wound, self._free = choose_rows(

@@ -1,7 +1,5 @@
 """What is known of a lay: its turns place by place, and where something is wrong with them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -19,8 +17,7 @@ FloatArray = NDArray[np.float64]
 # Flags over fewer places than this are no defect, and pauses of as many are part of one.
 SHORTEST, LONGEST_PAUSE = 3, 3
 LIFT_DOUBT = 0.3
-# A turn lies on one of so many before it.
-DEEPEST = 12
+DEEPEST = 12  # A turn lies on one of so many before it
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
 """One row of a picture: the turns of cable that it shows, with where each of them lies."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -38,8 +36,7 @@ MOST_EDGES = 256
 WORTH_MOVING, SAME_EDGE = 0.3, 0.15
 # Bulge that counts half, over the contrast of an edge that does; and over that of the row's turns.
 HALF_BULGE, USUAL_BULGE = 0.4, 0.6
-# An edge that is no better known than where its contrast is greatest [px].
-COARSE_SIGMA = 0.4
+COARSE_SIGMA = 0.4  # An edge that is no better known than where its contrast is greatest [px]
 # What edges of real and drawn cables are off by for reasons that no scatter shows [px].
 SYSTEMATIC = 0.06
 # An edge is fitted within this share of half a turn on both its sides, but not less than [px].
@@ -47,8 +44,7 @@ FITTED_SHARE, FITTED_LEAST = 0.6, 3.2
 # A gap that is narrower than a pixel or two looks like the crease of turns that touch, half of it
 # beyond the rim of either [px].
 GAP_DOUBT = 0.35
-# By which share of half a turn its configured width may be off.
-WIDTH_DOUBT = 0.02
+WIDTH_DOUBT = 0.02  # By which share of half a turn its configured width may be off
 
 # What is known of a turn in a row, see `measure_row`.
 PLACE, Z, SIGMA, WIDTH, STEEP, REACH, KIND = range(7)
@@ -57,11 +53,7 @@ NUMBERS = 7
 
 @called
 def measure_row(
-    pixels: ByteArray,
-    rows: RowTables,
-    k: int,
-    slant: float,
-    found: FloatArray,
+    pixels: ByteArray, rows: RowTables, k: int, slant: float, found: FloatArray
 ) -> int:  # pragma: no cover
     """Write the turns that a row shows, by rising column, and return their number.
 

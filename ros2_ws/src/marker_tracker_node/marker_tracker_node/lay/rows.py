@@ -6,8 +6,6 @@ distance r from its centre, and beta is their angle from the plane across the ax
 through the centre lines is where edges are measured.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple
@@ -26,8 +24,7 @@ IndexArray = NDArray[np.int64]
 COLUMN_STEP = 8
 
 HALF_WANTED = 12.0
-# Steps of the differences [rad], [m]: small beside a pose, large beside rounding.
-STEP = 1.0e-4
+STEP = 1.0e-4  # Steps of the differences [rad], [m]: small beside a pose, large beside rounding
 # How well P0 tells the camera's turn [rad]: smaller ones are not applied (`run_start`).
 TURN_LEFT = 1.2e-4
 
@@ -37,13 +34,11 @@ class RowTables(NamedTuple):
 
     So many columns are taken together that half a turn is about `HALF_WANTED` groups wide: more say
     no more, and cost time.
-
-    Attributes:
-        place: Azimuth on the cylinder [rad]; on the free span, the way before the contact [m].
     """
 
     row: IndexArray  # Of the picture, shape (rows,)
     group: int  # Columns in each group; what is left over at the right is not looked at
+    # Azimuth on the cylinder [rad]; on the free span, the way before the contact [m].
     place: FloatArray
     z: FloatArray  # [m]
     half: FloatArray  # Half the width of a level turn [groups]

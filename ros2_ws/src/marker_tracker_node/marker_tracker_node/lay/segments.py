@@ -5,8 +5,6 @@ of a turn that others lie on, a part is seen. What is none of this is bare. The 
 the greatest score is found over all choices of edges, by dynamic programming.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -21,8 +19,7 @@ IndexArray = NDArray[np.int64]
 
 BARE, WHOLE, HIDDEN_ABOVE, HIDDEN_BELOW = 0, 1, 2, 3
 
-# What a boundary costs, and what it earns beyond that is its strength.
-BOUNDARY_COST = 0.25
+BOUNDARY_COST = 0.25  # What a boundary costs, and what it earns beyond that is its strength
 # Of an edge that the explanation leaves over, in bare rows and within a turn.
 BARE_EDGE, INNER_CREASE, INNER_STEP = 0.8, 0.6, 0.1
 # Of this strength are the grooves of the cylinder too.

@@ -4,8 +4,6 @@ All rows show the same cable in the same light. Where each of them stands agains
 is known better than any edge, whose fit errs with the place of the edge within its pixel.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -36,8 +34,7 @@ LEAST_PIVOT = 1.0e-12
 # How far the cable may be from where it is sought in each row, and where it lands from where it
 # should, in cable diameters.
 SOUGHT, EXPECTED = 0.6, 0.5
-# The same of a straight cable to the guide, where nothing else is known.
-STRAIGHT = 0.4
+STRAIGHT = 0.4  # The same of a straight cable to the guide, where nothing else is known
 
 
 @called

@@ -1,7 +1,5 @@
 """Where every part of the wound cable was seen to lie, by its wound angle."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -15,21 +13,15 @@ FloatArray = NDArray[np.float64]
 
 PLACES_PER_TURN = 72
 PLACE_ANGLE = 2.0 * math.pi / PLACES_PER_TURN
-# Places before P0, for the clamped tail.
-BEFORE = PLACES_PER_TURN // 2
-# A mean forgets what is older than so many sightings: cable may slip.
-MEMORY = 60.0
-# How far the guide leads the newest cable on from where it was seen [rad].
-LED = 2.0
+BEFORE = PLACES_PER_TURN // 2  # Places before P0, for the clamped tail
+MEMORY = 60.0  # A mean forgets what is older than so many sightings: cable may slip
+LED = 2.0  # How far the guide leads the newest cable on from where it was seen [rad]
 
 
 class Places(NamedTuple):
-    """Means of what was seen of the cable, by wound angle in places of 5 degrees.
+    """Means of what was seen of the cable, by wound angle in places of 5 degrees."""
 
-    Attributes:
-        z: Mean at the middle of each place, as of cable on the cylinder [m]; nan where unseen.
-    """
-
+    # Mean at the middle of each place, as of cable on the cylinder [m]; nan where unseen.
     z: FloatArray
     weight: FloatArray  # Sum of the weights, 1 / variance [1/m^2]
     sightings: FloatArray  # How often each was seen
@@ -40,14 +32,10 @@ class Places(NamedTuple):
 
 
 class TurnMap:
-    """Where every part of the wound cable was seen, with room for more of it.
-
-    Attributes:
-        places: By wound angle.
-    """
+    """Where every part of the wound cable was seen, with room for more of it."""
 
     def __init__(self) -> None:
-        self.places = _room(16 * PLACES_PER_TURN)
+        self.places = _room(16 * PLACES_PER_TURN)  # By wound angle
 
     @staticmethod
     def place_of(theta: float) -> int:

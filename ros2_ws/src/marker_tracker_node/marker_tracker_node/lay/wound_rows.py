@@ -40,8 +40,7 @@ BESIDE = 0.2
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 TURN = 2.0 * math.pi
-# How far the map is carried on along the cable [rad].
-REACH = 0.5
+REACH = 0.5  # How far the map is carried on along the cable [rad]
 # An older turn lies still: one that is seen so far from where it is known is another one. All in
 # cable diameters; one that a newer turn lies nearer to than COVERED is not seen whole.
 SETTLED, COVERED = 0.25, 0.75
@@ -51,18 +50,12 @@ STILL, NEAR, NEAR_GROWTH, FARTHEST = 0.03, 0.08, 0.3, 0.8
 # Share of places that lie anywhere within these limits, and of rows that do not show the newest
 # turn, and of hidden turns that pass for whole; density of what is no known turn [1/diameter].
 TAILS, MISSED, MISTAKEN, UNKNOWN = 0.05, 0.05, 0.2, 0.05
-# Cable that may be clamped behind P0 [rad].
-TAIL = 0.6
+TAIL = 0.6  # Cable that may be clamped behind P0 [rad]
 
 
 @compiled
 def take_row(
-    pixels: ByteArray,
-    rows: RowTables,
-    k: int,
-    places: Places,
-    machine: Machine,
-    moment: Moment,
+    pixels: ByteArray, rows: RowTables, k: int, places: Places, machine: Machine, moment: Moment
 ) -> int:  # pragma: no cover
     """Add what a row shows to what is known; return the number of turns.
 
@@ -182,11 +175,7 @@ def _older_is_nearer(
 
 @called
 def _number_newest(
-    found: FloatArray,
-    machine: Machine,
-    expected: FloatArray,
-    carried: float,
-    numbers: IndexArray,
+    found: FloatArray, machine: Machine, expected: FloatArray, carried: float, numbers: IndexArray
 ) -> None:  # pragma: no cover
     """Number the newest turn, on which nothing lies: it is seen whole.
 

@@ -5,8 +5,6 @@ shows one. `python -m marker_tracker_node --camera my_camera:open_camera --ros-a
 `winding run --machine external --compose my_camera:open_camera`.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from typing import Any, Protocol
@@ -53,18 +51,14 @@ class FrameTracker(Protocol):
 
 
 class CameraPort:
-    """What a camera in the tracker's process hands its frames to, from any one thread.
-
-    Attributes:
-        context: Of rclpy, for nodes of the camera's own.
-    """
+    """What a camera in the tracker's process hands its frames to, from any one thread."""
 
     def __init__(self, node: FrameTracker) -> None:
         self._node = node
         self._info = b""
         self._next = -np.inf
         self._closed = False
-        self.context = node.context
+        self.context = node.context  # Of rclpy, for nodes of the camera's own
         self.fail = node.fail
 
     def close(self) -> None:

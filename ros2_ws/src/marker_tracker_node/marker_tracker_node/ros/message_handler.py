@@ -1,7 +1,5 @@
 """Frames, calibration and encoder in, measured markers out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from pathlib import Path

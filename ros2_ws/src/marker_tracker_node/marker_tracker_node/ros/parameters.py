@@ -1,7 +1,5 @@
 """Parameters of the tracker's node."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from winding_core.cable.condition import Condition

@@ -83,10 +83,7 @@ def _frames(context: LaunchContext) -> list[Node]:
             executable="robot_state_publisher",
             namespace=LaunchConfiguration("namespace"),
             parameters=[
-                {
-                    "use_sim_time": True,
-                    "robot_description": ParameterValue(urdf, value_type=str),
-                }
+                {"use_sim_time": True, "robot_description": ParameterValue(urdf, value_type=str)}
             ],
             remappings=[("joint_states", topics.JOINT_STATES.name)],
             output="screen",

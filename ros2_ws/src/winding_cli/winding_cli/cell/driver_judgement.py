@@ -1,7 +1,5 @@
 """What a machine's driver must provide, judged on what it published: no ROS in here."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -12,16 +10,13 @@ from winding_core.units import MILLISECOND
 
 Array = NDArray[np.float64]
 
-# Slower encoders leave too much of a ramp between two samples.
-LOWEST_ENCODER_RATE_HZ = 40.0
+LOWEST_ENCODER_RATE_HZ = 40.0  # Slower encoders leave too much of a ramp between two samples
 # The tracker interpolates the encoder over at most this gap.
 LONGEST_GAP_S = 0.1
 LOWEST_TENSION_RATE_HZ = 50.0
 LOWEST_FRAME_RATE_HZ = 25.0
-# Predictions, frames and encoder are put together by their stamps.
-CLOCK_TOLERANCE_S = 0.25
-# Share of the running speed below which an axis stands.
-STANDSTILL_SHARE = 0.01
+CLOCK_TOLERANCE_S = 0.25  # Predictions, frames and encoder are put together by their stamps
+STANDSTILL_SHARE = 0.01  # Share of the running speed below which an axis stands
 # Speed is compared with the change of position, which an encoder's steps make coarse.
 SPEED_TOLERANCE = 0.2
 
@@ -37,17 +32,14 @@ class Finding:
 
 @dataclass(kw_only=True)
 class Heard:
-    """What was received on one topic.
-
-    Attributes:
-        values: Content of each message; joint states as (angle [rad], angular speed [rad/s],
-            carriage position [m], feed speed [m/s]), tension as (force [N],), others empty.
-        refused: One sentence for each message that could not be decoded.
-    """
+    """What was received on one topic."""
 
     stamps: list[float] = field(default_factory=list)  # Stamp of each message [s]
     arrived: list[float] = field(default_factory=list)  # When it came, by the system's clock [s]
+    # Content of each message; joint states as (angle [rad], angular speed [rad/s], carriage
+    # position [m], feed speed [m/s]), tension as (force [N],), others empty.
     values: list[tuple[float, ...]] = field(default_factory=list)
+    # One sentence for each message that could not be decoded.
     refused: list[str] = field(default_factory=list)
 
 
@@ -88,10 +80,7 @@ def judge_encoder(heard: Heard) -> Iterator[Finding]:
         measured=f"largest {gap / MILLISECOND:.1f} ms",
     )
     span = stamps[-1] - stamps[0]
-    for name, position, velocity, unit in (
-        ("cylinder", 0, 1, "rad/s"),
-        ("carriage", 2, 3, "m/s"),
-    ):
+    for name, position, velocity, unit in (("cylinder", 0, 1, "rad/s"), ("carriage", 2, 3, "m/s")):
         moved = float(values[-1, position] - values[0, position]) / span
         speed = values[:, velocity]
         reported = float(np.diff(stamps) @ (0.5 * (speed[1:] + speed[:-1]))) / span

@@ -40,8 +40,7 @@ from winding_ros.messages.stamps import decode_stamp
 from winding_ros.topic import Topic
 
 _PERIOD = 0.02
-# How long an unanswered motion may go on, by the interface [s].
-DEAD_MAN = 0.5
+DEAD_MAN = 0.5  # How long an unanswered motion may go on, by the interface [s]
 # A stamp that is older than the dead-man time by far [s].
 _LATE = 2.0
 _LISTEN = 0.6
@@ -167,17 +166,13 @@ class Probe:
         client: A spinning node in the driver's namespace.
         frames: On which the driver's camera brings them; None without a camera.
         axes: Joints of the machine.
-
-    Attributes:
-        heard: By topic.
-        commanded: Whether the machine took commands when it was moved.
     """
 
     def __init__(self, client: AsyncClient, *, frames: Topic | None, axes: MachineAxes) -> None:
         self._client = client
         self._frames = frames
         self._axes = axes
-        self.commanded = False
+        self.commanded = False  # Whether the machine took commands when it was moved
         self._joints: list[tuple[str, ...]] = []
         read = JointStateReader(axes)
 
@@ -200,7 +195,7 @@ class Probe:
                 frames: _stamp if frames is topics.PREVIEW else _frame,
                 topics.CAMERA_INFO: lambda message: (decode_camera_info(message)[0], ()),
             }
-        self.heard = {topic.name: Heard() for topic in wanted}
+        self.heard = {topic.name: Heard() for topic in wanted}  # By topic
         self._topics = tuple(wanted)
         for topic, decode in wanted.items():
             topic.subscribe(client.node, self._note(topic.name, decode))

@@ -1,7 +1,5 @@
 """Goal, feedback, cancel and result of runs, with the message types of stock Jazzy."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Goals of a cell controller, one after the other: each is a run of its own process. No ROS."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -14,8 +12,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
-# Lines of a run's output that are kept: the last names the cause of its end.
-_KEPT_LINES = 20
+_KEPT_LINES = 20  # Lines of a run's output that are kept: the last names the cause of its end
 
 
 class GoalState(IntEnum):
@@ -68,9 +65,6 @@ class Goals:
         folder: Gets a folder for every goal.
         clock: Time since the epoch [ns].
         record: Whether every run is recorded, into `bag` in its folder.
-
-    Attributes:
-        goal: The newest; None before the first.
     """
 
     def __init__(
@@ -81,7 +75,7 @@ class Goals:
         *,
         record: bool = False,
     ) -> None:
-        self.goal: Goal | None = None
+        self.goal: Goal | None = None  # The newest; None before the first
         self._command = list(command)
         self._folder = folder
         self._clock = clock

@@ -1,7 +1,5 @@
 """`winding bag`: look into recordings, check, recover, play, replay and export them."""
 
-from __future__ import annotations
-
 import select
 import sys
 import threading
@@ -28,8 +26,7 @@ from winding_core.units import MEGABYTE, MILLISECOND
 from winding_recorder.bags.description import COMPLETE, PARAMETERS, RECOVERED, BagError
 
 _KEY_PERIOD = 0.1
-# A bag time below is no date: the year 2001 [s].
-_DATES = 1e9
+_DATES = 1e9  # A bag time below is no date: the year 2001 [s]
 
 bag = command_group("bag")
 
@@ -41,8 +38,7 @@ def _existing(source: Path) -> Path:
 
 
 Source = Annotated[
-    Path,
-    typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.", callback=_existing),
+    Path, typer.Argument(help="rosbag2 folder, or one .mcap or .db3 file.", callback=_existing)
 ]
 
 
@@ -59,14 +55,14 @@ def info(source: Source) -> None:
         f"{source}: {content.duration:.3f} s from {_moment(content.start)}, {size:.2f} MB"
     )
     for name, length in content.files.items():
-        console.print(f"  {name}  {length / MEGABYTE:.2f} MB", highlight=False)
+        console.print(f"  {name}  {length / MEGABYTE:.2f} MB")
     if COMPLETE in content.notes:
-        console.print(f"complete: {content.notes[COMPLETE]}", highlight=False)
+        console.print(f"complete: {content.notes[COMPLETE]}")
     if RECOVERED in content.notes:
-        console.print(f"recovered from: {content.notes[RECOVERED]}", highlight=False)
+        console.print(f"recovered from: {content.notes[RECOVERED]}")
     wound = _wound(content.notes)
     if wound:
-        console.print(f"wound: {wound}", highlight=False)
+        console.print(f"wound: {wound}")
     columns = (
         Shown("topic", lambda topic: topic.name),
         Shown("type", lambda topic: topic.type_name),
@@ -193,8 +189,7 @@ def replay(
         float, typer.Option(help="Allowed difference, relative to the value or to 1.")
     ] = 1.0e-6,
     parameters: Annotated[
-        Path | None,
-        typer.Option(help="ROS parameter file in place of the recorded parameters."),
+        Path | None, typer.Option(help="ROS parameter file in place of the recorded parameters.")
     ] = None,
 ) -> None:
     """Feed recorded inputs to one node's work and compare its answers. Exit code 1 if they differ.

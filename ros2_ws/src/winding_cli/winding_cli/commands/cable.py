@@ -12,20 +12,8 @@ import typer
 from winding_cli.app import command_group
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import (
-    Force,
-    Json,
-    check_output_file,
-    staged,
-    write_json,
-)
-from winding_cli.terminal.record_options import (
-    Library,
-    Typed,
-    spelled,
-    with_declared,
-    with_options,
-)
+from winding_cli.terminal.output_path import Force, Json, check_output_file, staged, write_json
+from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared, with_options
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
 from winding_core.catalogue.cables import (
@@ -98,7 +86,7 @@ def show(name: Name, library: Library = None, json_file: Json = None, force: For
         Shown("source", lambda key: found.sources.get(key, "-")),
     )
     console = result_console()
-    console.print(found.title, highlight=False)
+    console.print(found.title)
     console.print(record_table(columns, found.properties, words=1))
     winding = ", ".join(f"{key} {value}" for key, value in found.winding.items())
     for subject, text in (
@@ -108,17 +96,13 @@ def show(name: Name, library: Library = None, json_file: Json = None, force: For
         ("file", str(found.path or "")),
     ):
         if text:
-            console.print(f"{subject}: {text}", highlight=False, soft_wrap=True)
+            console.print(f"{subject}: {text}", soft_wrap=True)
     write_json(json_file, {"cables": [_record(found)]})
 
 
 @cable.command()
 def compare(
-    first: Name,
-    second: Name,
-    library: Library = None,
-    json_file: Json = None,
-    force: Force = False,
+    first: Name, second: Name, library: Library = None, json_file: Json = None, force: Force = False
 ) -> None:
     """Show two cables side by side, with what differs by more than its uncertainty."""
     check_output_file(json_file, "--json", force=force)

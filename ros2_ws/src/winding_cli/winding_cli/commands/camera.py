@@ -11,12 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from winding_cli.terminal.console import busy
-from winding_cli.terminal.output_path import (
-    Force,
-    check_output_file,
-    check_output_folder,
-    staged,
-)
+from winding_cli.terminal.output_path import Force, check_output_file, check_output_folder, staged
 from winding_cli.terminal.record_options import Domain, Namespace, Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
@@ -32,13 +27,11 @@ if TYPE_CHECKING:
     from marker_tracker_node.camera.calibration import Board
     from winding_rig_node.camera import Scene
 
-# Frames that `winding check-film` looks at, from the first on.
-_CHECKED = 500
+_CHECKED = 500  # Frames that `winding check-film` looks at, from the first on
 
 Film = Annotated[Path, typer.Argument(help="Video file, folder of pictures, or bag.")]
 CameraFile = Annotated[
-    Path | None,
-    typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info."),
+    Path | None, typer.Option("--camera", help="Camera YAML; a bag may bring its own camera_info.")
 ]
 Fps = Annotated[
     float | None,

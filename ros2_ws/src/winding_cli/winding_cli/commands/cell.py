@@ -174,7 +174,7 @@ def check(file: Annotated[Path, typer.Argument(help="Cell file.")]) -> None:
     table = Table.grid(padding=(0, 2))
     for subject, sentence in meaning(config):
         table.add_row(subject, sentence)
-    result_console().print(table, highlight=False)
+    result_console().print(table)
 
 
 @cell.command(name="schema")

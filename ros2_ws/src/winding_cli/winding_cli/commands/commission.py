@@ -110,8 +110,8 @@ def commission(
         check_output_folder(base.path("output"), "--output", new=True)
         planned = _planned(base, known, travel_mm, carriage_limit_mm_s, pull_limits_n, longest_s)
     console = result_console()
-    console.print(_design_table(planned.design), highlight=False)
-    console.print(f"chosen: {planned.motion.sentence}", highlight=False, soft_wrap=True)
+    console.print(_design_table(planned.design))
+    console.print(f"chosen: {planned.motion.sentence}", soft_wrap=True)
     if plan:
         return
     with refused(ValueError):
@@ -299,7 +299,7 @@ def _learn(
     console = result_console()
     console.print(beliefs_table(posterior.found, "What was found, 90 % intervals"))
     for sentence in (*remarks(posterior, following), clock):
-        console.print(sentence, highlight=False, soft_wrap=True)
+        console.print(sentence, soft_wrap=True)
     source = f"commissioning run {delivery.directory}"
     cable_file = cable_file or delivery.directory / f"{name}.yaml"
     cell_file = cell_file or delivery.directory / "found-cell.yaml"
@@ -312,7 +312,7 @@ def _learn(
         place.write_text(text, encoding="utf-8")
     record = commissioning_record(posterior, planned.design[:_SHOWN], following[:_SHOWN])
     write_json(delivery.directory / "commissioning.json", record)
-    console.print(f"cable: {cable_file}\ncell: {cell_file}", highlight=False, soft_wrap=True)
+    console.print(f"cable: {cable_file}\ncell: {cell_file}", soft_wrap=True)
 
 
 def _design_table(design: list[Expected]) -> Any:

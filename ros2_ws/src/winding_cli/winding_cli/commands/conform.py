@@ -78,7 +78,7 @@ def conform(
     console = result_console()
     for finding in findings:
         mark = "[green]kept  [/]" if finding.kept else "[red]BROKEN[/]"
-        console.print(f"{mark}  {finding.promise}: {finding.measured}", highlight=False)
+        console.print(f"{mark}  {finding.promise}: {finding.measured}")
     broken = sum(not finding.kept for finding in findings)
     console.print(f"{len(findings) - broken} of {len(findings)} promises kept")
     if not move:

@@ -1,7 +1,5 @@
 """`winding dashboard`: serve the operator's page of a running graph or of a bag being played."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

@@ -31,8 +31,7 @@ def graph(
         bool, typer.Option("--sros2", help="Print the access policy for `ros2 security`.")
     ] = False,
     urdf: Annotated[
-        bool,
-        typer.Option("--urdf", help="Print the machine's URDF (robot_description)."),
+        bool, typer.Option("--urdf", help="Print the machine's URDF (robot_description).")
     ] = False,
     case: Annotated[int, typer.Option(help="Row of Table 1 in the URDF.")] = 4,
     namespace: Annotated[str, typer.Option(help="Namespace in the policy.")] = "winding",

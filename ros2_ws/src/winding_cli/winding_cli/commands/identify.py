@@ -153,12 +153,7 @@ def _rig(runs: list[TrackedRun], use: int | None, prior: RigPrior) -> dict[str, 
 
 def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
     from cable_fem_node.identification import identify_modulus, with_young
-    from winding_cli.offline.identified import (
-        print_constants,
-        print_fit,
-        print_modulus,
-        print_rest,
-    )
+    from winding_cli.offline.identified import print_constants, print_fit, print_modulus, print_rest
     from winding_study.identification.constants import identify_constants
 
     used, law = _first(runs, use), runs[0].config.law
@@ -207,7 +202,7 @@ def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
     fits = fit_laws(read_tensile_test(path), poisson)
     console = result_console()
     console.print(record_table(_LAWS, fits, title=f"Laws of {path.name}, best first"))
-    console.print(judgement(fits), highlight=False)
+    console.print(judgement(fits))
     laws = [
         {name: known(value) for name, value in dataclasses.asdict(item).items()} for item in fits
     ]

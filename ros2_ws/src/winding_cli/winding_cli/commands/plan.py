@@ -87,8 +87,7 @@ def plan(
         ),
     ] = "first",
     tolerance_mm: Annotated[
-        float | None,
-        typer.Option(help="Exit code 1 where the cable would lie further off, in mm."),
+        float | None, typer.Option(help="Exit code 1 where the cable would lie further off, in mm.")
     ] = None,
     slow_down: Annotated[
         bool,
@@ -102,8 +101,7 @@ def plan(
         ),
     ] = None,
     machine_file: Annotated[
-        str,
-        typer.Option(help="File of an arm that carries the guide: refuse what it cannot do."),
+        str, typer.Option(help="File of an arm that carries the guide: refuse what it cannot do.")
     ] = "",
     picture: Annotated[Path | None, typer.Option(help="Draw the plan: .png, .svg or .pdf.")] = None,
     json_file: Json = None,
@@ -302,7 +300,7 @@ def print_plan(
     )
     lines += [f"out of reach: {sentence}" for sentence in plan.sentences]
     lines += list(_uncertain(controlled))
-    console.print("\n".join(lines), highlight=False, soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True, markup=False)
 
 
 def verdict(plan: LayPlan, solver: SolverLay | None, tolerance_mm: float | None) -> str:

@@ -12,13 +12,7 @@ import typer
 from rich.console import Console
 
 from winding_cli.offline.wound_parameters import wound_parameters
-from winding_cli.terminal.console import (
-    Shown,
-    busy,
-    marker_name,
-    record_table,
-    result_console,
-)
+from winding_cli.terminal.console import Shown, busy, marker_name, record_table, result_console
 from winding_cli.terminal.output_path import (
     Force,
     Json,
@@ -28,13 +22,7 @@ from winding_cli.terminal.output_path import (
     staged,
     write_json,
 )
-from winding_cli.terminal.record_options import (
-    Cable,
-    Library,
-    Typed,
-    spelled,
-    with_options,
-)
+from winding_cli.terminal.record_options import Cable, Library, Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE, MILLIRADIAN, known
 from winding_study.run_parameters import RunParameters
@@ -44,10 +32,8 @@ if TYPE_CHECKING:
     from cable_fem_node.winding.expected_cost import ExpectedCost
     from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
-# A run of so few steps takes seconds, and is not timed beforehand.
-_FEW_STEPS = 1.0e6
-# Processor time that is announced [s].
-_LONG_S = 5.0
+_FEW_STEPS = 1.0e6  # A run of so few steps takes seconds, and is not timed beforehand
+_LONG_S = 5.0  # Processor time that is announced [s]
 
 _MARKERS = (
     Shown("marker", marker_name),
@@ -174,17 +160,17 @@ def _print_checks(run: PlannedRun) -> None:
     console.print(record_table(_CHECKS, run.checks(), words=1, title=title))
     with busy("estimating the time"):
         cost = expected_cost(run, time.process_time)
-    console.print(cost_sentences(run, cost), highlight=False)
+    console.print(cost_sentences(run, cost))
 
 
 def _announce(run: PlannedRun) -> None:
     """Print on stderr what is worth doubting, and how long it takes where it takes long."""
     from cable_fem_node.winding.expected_cost import expected_cost
 
-    console = Console(stderr=True)
+    console = Console(stderr=True, highlight=False)
     for check in run.checks():
         if check.warned:
-            console.print(f"doubtful: {check.sentence}", highlight=False, soft_wrap=True)
+            console.print(f"doubtful: {check.sentence}", soft_wrap=True)
     if run.element == "rod" and run.duration / run.config.resolved.step < _FEW_STEPS:
         return
     with busy("estimating the time"):
@@ -198,9 +184,7 @@ def _announce(run: PlannedRun) -> None:
             f"about {cost.scaled_cpu_seconds:.2g} s"
         )
     console.print(
-        f"this takes about {cost.cpu_seconds:.2g} s of processor time{faster}",
-        highlight=False,
-        soft_wrap=True,
+        f"this takes about {cost.cpu_seconds:.2g} s of processor time{faster}", soft_wrap=True
     )
 
 
@@ -223,8 +207,7 @@ def _print(result: Prediction, record: dict[str, Any]) -> None:
         f"span {tension[-1]:.3f} N\nenergy [J]: {energies}; "
         f"balance open by {record['energy_balance_pct']:.3g} %, "
         f"kinetic over internal {record['kinetic_over_internal']:.2g}\n"
-        f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second",
-        highlight=False,
+        f"speed: {result.cpu_s_per_sim_s:.4f} CPU seconds per simulated second"
     )
     if "discretisation_error" in record:
         error = record["discretisation_error"]
@@ -256,10 +239,7 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
         "cable_per_turn_m": result.cable_per_turn().tolist(),
         "pitch_per_turn_m": result.pitch_per_turn().tolist(),
         "lies_per_turn": list(result.lies_per_turn()),
-        "cable": {
-            "s_m": result.cable["s"].tolist(),
-            "tension_n": result.cable["tension"].tolist(),
-        },
+        "cable": {"s_m": result.cable["s"].tolist(), "tension_n": result.cable["tension"].tolist()},
         "energy_j": {name: joule for name, joule in vars(energy).items() if name != "initial"},
         "energy_balance_pct": energy.balance_pct,
         "kinetic_over_internal": energy.kinetic_over_internal,

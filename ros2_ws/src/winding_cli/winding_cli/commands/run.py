@@ -1,7 +1,5 @@
 """`winding run`: wind one case through the real graph and report what came out."""
 
-from __future__ import annotations
-
 import textwrap
 from collections.abc import Mapping
 from dataclasses import replace

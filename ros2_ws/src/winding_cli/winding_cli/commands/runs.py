@@ -32,8 +32,7 @@ runs = command_group("runs")
 Folder = Annotated[Path, typer.Argument(help="Folder of runs, with folders in it.")]
 In = Annotated[Path, typer.Option("--folder", help="Folder of runs, in which ids are looked up.")]
 Run = Annotated[str, typer.Argument(help="Folder of a run, its run.json, or a run's id.")]
-# Announcements that a terminal shows.
-_SENTENCES = 12
+_SENTENCES = 12  # Announcements that a terminal shows
 # A date of ISO 8601, or the beginning of one.
 _DATE = re.compile(r"\d{4}(-\d\d(-\d\d(T\d\d(:\d\d(:\d\dZ?)?)?)?)?)?")
 _SELECTED = {
@@ -91,7 +90,7 @@ def list_runs(
     found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     shown = f"; the newest {newest} are shown" if total > newest else ""
     noun = "run" if total == 1 else "runs"
-    console.print(f"{total} {noun}: {found or 'none'}{shown}", highlight=False)
+    console.print(f"{total} {noun}: {found or 'none'}{shown}")
     _write(files, lambda: {"counts": counts, "runs": [row._asdict() for row in rows]}, rows)
 
 
@@ -109,11 +108,7 @@ def show(run: Run, folder: In = Path("runs"), json_file: Json = None, force: For
 
 @runs.command()
 def compare(
-    first: Run,
-    second: Run,
-    folder: In = Path("runs"),
-    json_file: Json = None,
-    force: Force = False,
+    first: Run, second: Run, folder: In = Path("runs"), json_file: Json = None, force: Force = False
 ) -> None:
     """Show two runs side by side: what differs in condition, outcome and numbers."""
     from winding_reports.runs.run_row import compared
@@ -156,7 +151,7 @@ def trend(
     console = result_console()
     sentences = announcements(found)
     for sentence in sentences[:_SENTENCES]:
-        console.print(f"{sentence}.", highlight=False, soft_wrap=True)
+        console.print(f"{sentence}.", soft_wrap=True)
     if len(sentences) > _SENTENCES:
         console.print(f"and {len(sentences) - _SENTENCES} before; --json has all of them")
     drifting = sum(bool(item.chart.drifts) for item in found)

@@ -1,7 +1,5 @@
 """`winding serve`: take runs as goals from a cell controller."""
 
-from __future__ import annotations
-
 import sys
 import time
 from collections.abc import Mapping
@@ -20,8 +18,7 @@ from winding_cli.terminal.ros_environment import check_namespace, joined, plain_
 from winding_core.parameters import ParameterError
 from winding_core.run_spec import GOAL_OPTIONS, SECTION_OF, RunSpec
 
-# Discovery of a server that runs already [s].
-_LOOK = 1.5
+_LOOK = 1.5  # Discovery of a server that runs already [s]
 
 
 def serve(

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from winding_study.paper.study_record import StudyRecord
 
 STORE = Path("runs") / "study"
-# A row or a range of rows.
-_CASES = re.compile(r"(?P<first>[0-9]{1,3})(-(?P<last>[0-9]{1,3}))?")
+_CASES = re.compile(r"(?P<first>[0-9]{1,3})(-(?P<last>[0-9]{1,3}))?")  # A row or a range of rows
 
 
 def study(
@@ -41,19 +40,16 @@ def study(
         str, typer.Option(help="Element of the solver: rod, or solid, the paper's C3D8R.")
     ] = "rod",
     fem: Annotated[
-        str,
-        typer.Option(help="What is corrected: own predictions, or the paper's published ones."),
+        str, typer.Option(help="What is corrected: own predictions, or the paper's published ones.")
     ] = "own",
     cases: Annotated[
         str | None, typer.Option(help="Rows of Table 1, such as 1,4 or 7-12; all twelve.")
     ] = None,
     duration_s: Annotated[
-        float,
-        typer.Option("--duration-s", "--duration", help="Simulated seconds of a run."),
+        float, typer.Option("--duration-s", "--duration", help="Simulated seconds of a run.")
     ] = 20.0,
     law: Annotated[
-        str | None,
-        typer.Option(help="Material law; linear, or neo_hookean with --calibrate-rig."),
+        str | None, typer.Option(help="Material law; linear, or neo_hookean with --calibrate-rig.")
     ] = None,
     segment_mm: Annotated[
         float | None,
@@ -213,10 +209,9 @@ def _show(record: StudyRecord) -> None:
         console.print(
             f"{sum(result.cpu_seconds for result in results):.1f} CPU seconds; energy balance open "
             f"by at most {max(result.energy_balance_pct for result in results):.2g} %; one guide "
-            "distance and the dead weight for all cases, nothing fitted.",
-            highlight=False,
+            "distance and the dead weight for all cases, nothing fitted."
         )
-    console.print(record.verdict(), highlight=False)
+    console.print(record.verdict())
 
 
 def _calibrate(law: str | None, json: Path | None) -> None:

@@ -13,12 +13,7 @@ import typer
 
 from winding_cli.offline.wound_parameters import wound_parameters
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import (
-    Force,
-    check_output_file,
-    check_output_folder,
-    staged,
-)
+from winding_cli.terminal.output_path import Force, check_output_file, check_output_folder, staged
 from winding_cli.terminal.refusal import FAILED, complain, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
 from winding_core.parameters import option_kinds
@@ -40,8 +35,7 @@ FILES = ("cell", "cable")
 LONGEST = 24
 _GO_ON = "the same command goes on from there"
 
-# An unfinished file this old has no living writer [s].
-ABANDONED = 3600.0
+ABANDONED = 3600.0  # An unfinished file this old has no living writer [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -286,8 +280,7 @@ def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
     failed = int((columns["status"] != "ok").sum())
     console.print(
         f"{rows - failed} runs ok, {failed} failed; "
-        f"{np.nansum(columns['cpu_s']):.1f} CPU seconds of winding",
-        highlight=False,
+        f"{np.nansum(columns['cpu_s']):.1f} CPU seconds of winding"
     )
 
 

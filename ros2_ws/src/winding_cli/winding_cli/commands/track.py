@@ -12,13 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from marker_tracker_node.camera.image_formats import PixelReader
-from winding_cli.terminal.console import (
-    Shown,
-    busy,
-    marker_name,
-    record_table,
-    result_console,
-)
+from winding_cli.terminal.console import Shown, busy, marker_name, record_table, result_console
 from winding_cli.terminal.output_path import Force, Json, check_output_file, staged, write_json
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
@@ -45,8 +39,7 @@ if TYPE_CHECKING:
 
 Record = TypeVar("Record")
 
-# The least tension that a condition may have [N].
-_UNLOADED = 1.0e-3
+_UNLOADED = 1.0e-3  # The least tension that a condition may have [N]
 
 
 @with_options(Condition, CameraClockParameters, CameraPlacement, MarkerParameters, CameraPixels)
@@ -78,12 +71,10 @@ def track(
         bool, typer.Option("--refine/--no-refine", help="Fit the camera's pose over the run.")
     ] = True,
     camera_position_sigma_mm: Annotated[
-        float,
-        typer.Option(min=0.0, help="Standard deviation of its position; a tape measure's."),
+        float, typer.Option(min=0.0, help="Standard deviation of its position; a tape measure's.")
     ] = 2.0,
     camera_tilt_sigma_mrad: Annotated[
-        float,
-        typer.Option(min=0.0, help="Standard deviation of its direction; a spirit level's."),
+        float, typer.Option(min=0.0, help="Standard deviation of its direction; a spirit level's.")
     ] = 10.0,
     force: Force = False,
 ) -> None:
@@ -216,13 +207,10 @@ COLUMNS = ("theta", "z", "sigma_theta", "sigma_z")
 
 @dataclass(frozen=True, kw_only=True)
 class TrackedRecording:
-    """A recording that has been tracked.
-
-    Attributes:
-        means: Run means: theta [rad], z [m] and their deviations, shape (markers,) each.
-    """
+    """A recording that has been tracked."""
 
     report: TrackerReport  # Of the tracker on itself
+    # Run means: theta [rad], z [m] and their deviations, shape (markers,) each.
     means: dict[str, NDArray[np.float64]]
     radius: float  # Of the laid cable's centreline [m]
     fit: Refinement | None  # Markers and camera fitted over the run

@@ -66,8 +66,7 @@ def train(
     seed: Annotated[int, typer.Option(min=0, help="Seed of the starting weights.")] = 0,
     steps: Annotated[int, typer.Option(min=1, help="Training steps.")] = 1500,
     compare: Annotated[
-        bool,
-        typer.Option("--compare", help="Only print all models, over seeds 0, 1 and 2."),
+        bool, typer.Option("--compare", help="Only print all models, over seeds 0, 1 and 2.")
     ] = False,
     force: Force = False,
 ) -> None:

@@ -3,8 +3,6 @@
 As a program it imports the modules that its arguments name: an import may end its process.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 import subprocess
@@ -200,12 +198,7 @@ def installed() -> metadata.PackageMetadata | None:
 def judge_variables(
     environment: Mapping[str, str], is_file: Callable[[str], bool]
 ) -> list[Finding]:
-    """Return one finding for each variable that matters, as it was before the command set any.
-
-    Args:
-        environment: Variables by name.
-        is_file: Whether a path leads to a file.
-    """
+    """Return one finding for each variable that matters, as it was before the command set any."""
     return [
         _middleware(environment.get("RMW_IMPLEMENTATION")),
         _discovery_range(environment.get(_RANGE)),

@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 
 # RTPS 2.2, section 9.6.1.1: a domain has 250 ports, and a participant two of them.
 _PORT_BASE, _DOMAIN_GAIN, _PARTICIPANT_GAIN, _UNICAST = 7400, 250, 2, 10
-# Processes on one host that the graph's profile looks for.
-PARTICIPANTS = 32
+PARTICIPANTS = 32  # Processes on one host that the graph's profile looks for
 # Four nodes, the orchestrator and the operator's page.
 _WANTED = 6
 _LOCALHOST = "127.0.0.1"
@@ -153,10 +152,7 @@ def judge_others(nodes: Collection[str]) -> Finding:
 def judge_loopback(patience: float = _LOOPBACK_PATIENCE) -> list[Finding]:
     """Send a datagram and a multicast over the loopback; return whether they arrived in time."""
     unicast, multicast = "datagrams on the loopback", "multicast on the loopback"
-    findings = [
-        ok(unicast, f"arrive at {_LOCALHOST}"),
-        ok(multicast, f"arrives in {_GROUP}"),
-    ]
+    findings = [ok(unicast, f"arrive at {_LOCALHOST}"), ok(multicast, f"arrives in {_GROUP}")]
     if refusal := _refusal("", patience):
         bring_up = "ip link set lo up; let the firewall pass 127.0.0.1"
         findings[0] = fail(unicast, refusal, bring_up)

@@ -44,4 +44,4 @@ def print_drum(console: Console, drum: Mapping[str, Any]) -> None:
         f"{drum['inertia_kg_m2']:.3g} kg m^2; the cable runs at "
         f"{drum['cable_speed_m_s'] / MILLIMETRE:.4g} mm/s on every layer",
     )
-    console.print("\n".join(lines), highlight=False, soft_wrap=True, markup=False)
+    console.print("\n".join(lines), soft_wrap=True, markup=False)

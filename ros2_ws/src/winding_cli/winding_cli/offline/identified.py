@@ -66,8 +66,7 @@ def print_modulus(console: Console, estimate: ModulusEstimate) -> dict[str, Any]
         f"law {estimate.law}: effective Young's modulus {estimate.young / MEGAPASCAL:.4g} MPa, "
         f"standard error {estimate.standard_error / MEGAPASCAL:.2g} MPa; nine times in ten within "
         f"{estimate.half_width_90 / MEGAPASCAL:.2g} MPa "
-        f"({estimate.half_width_90 / estimate.young:.1%})",
-        highlight=False,
+        f"({estimate.half_width_90 / estimate.young:.1%})"
     )
     return {
         "law": estimate.law,
@@ -84,8 +83,7 @@ def print_constants(console: Console, found: ConstantsEstimate) -> dict[str, Any
         f"law {found.law}: C10 {found.c10 / MEGAPASCAL:.4g} MPa (standard error "
         f"{errors[0] / MEGAPASCAL:.2g}), C01 {found.c01 / MEGAPASCAL:.4g} MPa (standard error "
         f"{errors[1] / MEGAPASCAL:.2g}), initial modulus {found.young / MEGAPASCAL:.4g} MPa "
-        f"(standard error {found.young_standard_error / MEGAPASCAL:.2g})\n{found.statement()}",
-        highlight=False,
+        f"(standard error {found.young_standard_error / MEGAPASCAL:.2g})\n{found.statement()}"
     )
     return {
         "law": found.law,
@@ -109,8 +107,7 @@ def print_fit(console: Console, fit: Fit) -> dict[str, Any]:
     elif fit.misfit:
         console.print(
             "the residuals are larger than tracker and model explain: each angle scatters by "
-            f"{fit.scatter:.2%} more, this cable is not of one modulus, and the errors say so",
-            highlight=False,
+            f"{fit.scatter:.2%} more, this cable is not of one modulus, and the errors say so"
         )
     return {
         "residuals": residuals,
@@ -200,11 +197,10 @@ def print_rig(console: Console, posterior: RigPosterior, record: dict[str, Any])
     console.print(beliefs_table(posterior.found, title))
     console.print(
         f"probability that the tension does not build up: {posterior.steady:.0%}; "
-        f"sum of squares {posterior.chi_square:.3g} of {posterior.measured} numbers",
-        highlight=False,
+        f"sum of squares {posterior.chi_square:.3g} of {posterior.measured} numbers"
     )
     for sentence in posterior.remarks():
-        console.print(sentence, highlight=False)
+        console.print(sentence)
     if record["predicted"]:
         columns = (_RUN, _MARKER, *_PLACE, _WITHIN, *_MEASURED)
         console.print(record_table(columns, record["predicted"], title="Remaining markers"))

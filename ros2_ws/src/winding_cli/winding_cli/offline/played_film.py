@@ -1,7 +1,5 @@
 """A film as a camera's driver publishes it: what is due when, and which frames were late."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import deque
@@ -35,8 +33,7 @@ from winding_ros.messages.rig import encode_joint_state
 from winding_ros.topic import Topic
 
 Picture = RawImage | FileImage
-# So many late frames are listed.
-_LISTED = 5
+_LISTED = 5  # So many late frames are listed
 
 
 @dataclass(frozen=True, kw_only=True)

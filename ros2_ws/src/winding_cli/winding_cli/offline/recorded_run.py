@@ -1,7 +1,5 @@
 """The record of a run that was recorded."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

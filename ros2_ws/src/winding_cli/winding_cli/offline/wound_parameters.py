@@ -1,7 +1,5 @@
 """The condition that a cell file, a cable of the library and options state."""
 
-from __future__ import annotations
-
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any

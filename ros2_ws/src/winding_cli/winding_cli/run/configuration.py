@@ -19,11 +19,7 @@ from cable_fem_node.ros.parameters import FemParameters
 from cable_fem_node.winding.expected_cost import falling_behind
 from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.terminal.console import busy
-from winding_cli.terminal.output_path import (
-    STANDARD_OUTPUT,
-    check_output_file,
-    check_output_folder,
-)
+from winding_cli.terminal.output_path import STANDARD_OUTPUT, check_output_file, check_output_folder
 from winding_cli.terminal.refusal import refuse
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.camera_source import CameraSource

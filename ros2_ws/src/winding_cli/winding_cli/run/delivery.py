@@ -52,25 +52,16 @@ _HOPS = (
 
 
 class RunDelivery:
-    """Delivers the runs of one command.
-
-    Args:
-        config: Of the command.
-        origin: Of a run that begins with the command.
-
-    Attributes:
-        directory: The command's folder.
-        result: What the newest run left; None before one was delivered.
-        outcome: How it came out; None where nothing was wound.
-    """
+    """Delivers the runs of one command."""
 
     def __init__(self, config: RunConfig, origin: Origin) -> None:
+        # What the newest run left; None before one was delivered.
         self.result: RunResult | None = None
-        self.outcome: RunOutcome | None = None
+        self.outcome: RunOutcome | None = None  # How it came out; None where nothing was wound
         self._config, self._spec = config, config.spec
         self._origin = origin
         self._operated = config.page is not None
-        self.directory = config.directory
+        self.directory = config.directory  # The command's folder
         self._count = 0
         self._flaws: list[str] = []
 
@@ -212,7 +203,7 @@ def show(record: RunRecord) -> None:
     console = result_console()
     console.print(results_table(record))
     for sentence in record.outcome.sentences:
-        console.print(sentence, highlight=False, soft_wrap=True)
+        console.print(sentence, soft_wrap=True)
     if record.trace is not None:
         console.print(*trace_tables(record.trace))
 

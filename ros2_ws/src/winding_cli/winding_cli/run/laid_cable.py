@@ -1,7 +1,5 @@
 """From the buffer of a run to what became of its wanted lay."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
@@ -36,8 +34,7 @@ from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud
 from winding_study.paper.case_result import MOST_NODES
 
-# The cable is complete once it reaches P0 [rad].
-_BEGIN = 0.05
+_BEGIN = 0.05  # The cable is complete once it reaches P0 [rad]
 
 
 def recorded_outcome(

@@ -1,7 +1,5 @@
 """From what a run left to the record of how it came out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator, Sequence
 

@@ -1,7 +1,5 @@
 """From the buffer of a run to the numbers of its report and its table."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from functools import partial
 from operator import attrgetter
@@ -174,10 +172,7 @@ def run_record(
             | declared_quantities(
                 SolverOptions,
                 vars(solver)
-                | {
-                    "segment_length": config.resolved.segment,
-                    "mass_scaling": config.mass_scaling,
-                },
+                | {"segment_length": config.resolved.segment, "mass_scaling": config.mass_scaling},
             ),
         ),
         cable=last_cable(buffer, case, wish),

@@ -1,7 +1,5 @@
 """The run that was just wound as an identification takes it: motion, pull, markers at the end."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -24,11 +22,6 @@ def measured_run(
     buffer: RunBuffer, config: WindingConfig, motion: Motion
 ) -> tuple[TrackedRun, str]:
     """Return a finished run, and the tracker's report on the camera's clock.
-
-    Args:
-        buffer: Messages of the run.
-        config: What was wound, as configured.
-        motion: That was commanded.
 
     Raises:
         IdentificationError: No marker was measured, or there is no reading of the pull.

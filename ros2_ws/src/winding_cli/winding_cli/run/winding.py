@@ -1,7 +1,5 @@
 """Winding a run with a live picture on a terminal or with lines in a log; how it may end early."""
 
-from __future__ import annotations
-
 import math
 import sys
 from collections.abc import Callable

@@ -75,8 +75,8 @@ def result_console() -> Console:
     """Return a console on stdout that cuts no table in a pipe or a file, which have no width."""
     from rich.console import Console
 
-    console = Console()
-    return console if console.is_terminal else Console(width=PIPE_WIDTH)
+    console = Console(highlight=False)
+    return console if console.is_terminal else Console(width=PIPE_WIDTH, highlight=False)
 
 
 @contextmanager
@@ -123,10 +123,7 @@ def busy(description: str, *columns: ProgressColumn, total: float | None = None)
             share = "" if not state.total else f", {state.percentage:.0f} %"
             return f"winding: {state.description}{share}, {state.elapsed:.0f} s"
 
-        with (
-            PROGRESS.heard(compiling),
-            nullcontext() if console.is_terminal else _lines(line),
-        ):
+        with PROGRESS.heard(compiling), nullcontext() if console.is_terminal else _lines(line):
             yield show
 
 

@@ -1,7 +1,5 @@
 """This process, as what it makes will name it."""
 
-from __future__ import annotations
-
 import platform
 import secrets
 import socket

@@ -1,7 +1,5 @@
 """Where a command writes: checked before anything starts, there whole in the end or not at all."""
 
-from __future__ import annotations
-
 import json as json_format
 import os
 import shutil

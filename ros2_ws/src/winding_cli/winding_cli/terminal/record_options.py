@@ -50,8 +50,7 @@ PANEL_OF_RECORD = {
 }
 
 
-# What was typed, by option without dashes, in the unit of its name.
-Typed = Mapping[str, object]
+Typed = Mapping[str, object]  # What was typed, by option without dashes, in the unit of its name
 
 
 def spelled(option: str) -> str:

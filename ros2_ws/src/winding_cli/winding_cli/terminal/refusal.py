@@ -1,7 +1,5 @@
 """How a command refuses: one sentence on stderr and a non-zero exit, before anything moves."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

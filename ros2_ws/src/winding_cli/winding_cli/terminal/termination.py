@@ -5,8 +5,6 @@ something to close does so within `interruptible`, one that writes a file within
 Whichever it is, one sentence reports it and the exit code is 130.
 """
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,7 +1,5 @@
 """The mapping file: where cylinder and guide are reported, and what the arm is commanded with."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, TypeVar

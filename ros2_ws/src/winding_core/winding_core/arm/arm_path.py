@@ -1,7 +1,5 @@
 """The way on which the simulated machine's arm carries the guide, and what forbids it."""
 
-from __future__ import annotations
-
 import math
 from pathlib import Path
 
@@ -15,8 +13,7 @@ from winding_core.units import MILLIMETRE
 
 # Points of a link whose distance from the cylinder is looked at.
 _LINK_POINTS = np.linspace(0.0, 1.0, 9)[:, None]
-# The cylinder goes on beyond the ends of a way by so much [m].
-_MARGIN = 0.02
+_MARGIN = 0.02  # The cylinder goes on beyond the ends of a way by so much [m]
 # A solved joint position is as near as this to the one before [rad or m]: it is on the same branch.
 _BRANCH = 1.0
 
@@ -32,17 +29,13 @@ class ArmPath:
         radius: Of the centre line of cable on the cylinder [m].
         free_length: Where the file gives none [m].
 
-    Attributes:
-        arm: Its kinematics.
-        start: Joint positions with the eye beside P0 [rad or m], shape (joints,).
-
     Raises:
         ArmError: The description cannot be used, or the arm does not reach the start.
     """
 
     def __init__(self, mapping: ArmMapping, radius: float, free_length: float) -> None:
         guide, path = mapping.guide, mapping.path
-        self.arm = Arm(Path(guide.urdf), guide.base, guide.tip)
+        self.arm = Arm(Path(guide.urdf), guide.base, guide.tip)  # Its kinematics
         names = [joint.name for joint in self.arm.joints]
         if len(path.home_rad) != len(names):
             raise ArmError(
@@ -56,6 +49,7 @@ class ArmPath:
         self._radius, self._free_length = radius, free_length
         home = np.array(path.home_rad, dtype=float)
         self._turn = self.arm.tip(home).rotation
+        # Joint positions with the eye beside P0 [rad or m], shape (joints,).
         self.start = self.arm.solved(self.tip_at(0.0), home)
 
     @property

@@ -1,11 +1,8 @@
 """A joint of an arm and its limits, without the library that moves it."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
-# A joint may go at this share of its largest speed: the rest is for its servo.
-SPEED_SHARE = 0.9
+SPEED_SHARE = 0.9  # A joint may go at this share of its largest speed: the rest is for its servo
 
 
 class ArmError(ValueError):

@@ -1,7 +1,5 @@
 """Kinematics of the arm from its URDF, by Pinocchio: where the guide is, and how it is led."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,8 +13,7 @@ from winding_core.arm.rigid import FloatArray, Pose
 # A step of the inverse kinematics ends when the tip is so near [m], [rad].
 NEAR = 1.0e-6
 _MOST_STEPS = 30
-# Places at which a way is looked at are so far apart [m].
-LOOK = 5.0e-3
+LOOK = 5.0e-3  # Places at which a way is looked at are so far apart [m]
 # Damping of the least squares, beside singular values of about one: moves little where none is.
 _DAMPING = 1.0e-4
 # Keeps a quotient finite where a joint does not move, or its description allows no speed.
@@ -30,9 +27,6 @@ class Arm:
         urdf: File of its description.
         base: Link that poses are given in.
         tip: Link that carries the guide.
-
-    Attributes:
-        joints: Those that move between base and tip.
 
     Raises:
         ArmError: The file is no URDF, a link is missing, or a joint has more than one axis.
@@ -48,6 +42,7 @@ class Arm:
         self._base, self._tip = self._link(base), self._link(tip)
         chain = self._chain(tip)
         behind = set(self._chain(base))
+        # Those that move between base and tip.
         self.joints = tuple(self._joint(k) for k in chain if k not in behind)
         if not self.joints:
             raise ArmError(f"no joint moves {tip} in {base}")

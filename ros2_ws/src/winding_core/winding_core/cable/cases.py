@@ -1,7 +1,5 @@
 """The paper's tables: what was wound in its twelve cases, and what came out."""
 
-from __future__ import annotations
-
 import csv
 import math
 from dataclasses import dataclass, field

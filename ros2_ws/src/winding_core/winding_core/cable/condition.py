@@ -1,7 +1,5 @@
 """What is wound, and how: the one record that nodes, commands, sweeps and the page share."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Mapping
@@ -200,17 +198,14 @@ def _refuse_missing(given: Mapping[str, object], spelled: Mapping[str, str]) -> 
 
 @dataclass(frozen=True, kw_only=True)
 class ResolvedCondition(LawParameters):
-    """A condition with nothing left open [SI]; its law is that of `LawParameters`.
-
-    Attributes:
-        tension_law: Span tension from weight, cylinder diameter and wound length.
-    """
+    """A condition with nothing left open [SI]; its law is that of `LawParameters`."""
 
     case: Case  # Cylinder, cable, material and weight; numbered only when it is the paper's
     drive: DriveProfile  # How the axes move
     duration: float  # Time to wind [s]
     free_length: float  # Tangent span between cylinder and guide [m]
     friction: float  # Coulomb friction of cable on cylinder, dimensionless
+    # Span tension from weight, cylinder diameter and wound length.
     tension_law: DeadWeight | RigTension
 
 

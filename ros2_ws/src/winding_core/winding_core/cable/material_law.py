@@ -16,8 +16,7 @@ from winding_core.parameters import parameter
 from winding_core.units import MEGAPASCAL, PLAIN
 
 Array = NDArray[np.float64]
-# What is constant, or one value per stretch.
-Values = float | Array
+Values = float | Array  # What is constant, or one value per stretch
 
 TABLE_LOW = 0.2
 TABLE_HIGH = 4.0
@@ -177,12 +176,7 @@ class _MooneyRivlin(_Hyperelastic):
         c10 = half / (1.0 + bar.mooney_ratio)
         return c10, half - c10
 
-    def slopes(
-        self,
-        bar: MaterialLaw,
-        axial: Array,
-        side: Array,
-    ) -> tuple[Values, Values]:
+    def slopes(self, bar: MaterialLaw, axial: Array, side: Array) -> tuple[Values, Values]:
         c10, c01 = self.coefficients(bar)
         return c10, c01
 

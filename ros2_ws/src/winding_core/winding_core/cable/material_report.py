@@ -1,7 +1,5 @@
 """The cable's material identified from the tracked markers of a run."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Prony series: how the tension of a stretched cable fades, and how a loaded cable creeps."""
 
-from __future__ import annotations
-
 import math
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """What is wound, in one line: the values that diagnostics carry, and a sentence to read."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self

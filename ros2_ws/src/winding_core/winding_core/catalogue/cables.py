@@ -1,7 +1,5 @@
 """The library of cables: files with data, uncertainty and source, shipped and own."""
 
-from __future__ import annotations
-
 import difflib
 import os
 import re

@@ -1,7 +1,5 @@
 """The drum as options: flanges, grooves, and the turns that fill it between them."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,8 +16,7 @@ from winding_core.units import LENGTH, LONG_LENGTH, MILLIMETRE, PLAIN, TURNS
 
 Array = NDArray[np.float64]
 
-# An hour at full speed is less.
-MOST_TURNS = 10_000
+MOST_TURNS = 10_000  # An hour at full speed is less
 
 
 @dataclass(frozen=True, kw_only=True)

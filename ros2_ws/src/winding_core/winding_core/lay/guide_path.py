@@ -1,7 +1,5 @@
 """The law of the lag: where the guide must stand for a lay, and where a sticking cable lands."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -112,8 +110,7 @@ def within(line: SmoothedLine, low: float, high: float) -> SmoothedLine:
     )
 
 
-# Below this share of the lag the integrals take their series.
-_SHORT = 1.0e-4
+_SHORT = 1.0e-4  # Below this share of the lag the integrals take their series
 
 
 def lay_of(theta: Array, guide: Array, lag: float | Array, start: float = 0.0) -> Array:
@@ -138,8 +135,7 @@ def lay_of(theta: Array, guide: Array, lag: float | Array, start: float = 0.0) -
     return np.array(laid)
 
 
-# Places of a drive programme's motion at which its lay is looked at.
-_SAMPLES = 20_001
+_SAMPLES = 20_001  # Places of a drive programme's motion at which its lay is looked at
 
 
 def lay_of_drive(what: ResolvedCondition) -> tuple[Array, Array]:

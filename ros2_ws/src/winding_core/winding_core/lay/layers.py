@@ -1,7 +1,5 @@
 """Layers of cable on a drum: how far apart they lie, how much cable they take, what it weighs."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -24,8 +22,7 @@ WINDINGS = tuple(WIDEST_PITCH)
 HEIGHT_TOLERANCE = 0.3
 # On upper layers a place that is so many pitches from where the cable landed is another turn's.
 ANOTHER_TURN = 1.5
-# A pitch of one diameter may miss it by a rounding.
-ROUNDING = 1.0e-9
+ROUNDING = 1.0e-9  # A pitch of one diameter may miss it by a rounding
 
 
 def contact_height(cable_diameter: float, beside: ArrayLike) -> Array:

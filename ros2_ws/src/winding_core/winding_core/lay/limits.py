@@ -1,26 +1,17 @@
 """What the machine can do, as a plan has to keep it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.parameters import parameter
 
-# Nothing but the drive limits the jerk: full acceleration within so long [s].
-_JERK_TIME = 1.0e-3
+_JERK_TIME = 1.0e-3  # Nothing but the drive limits the jerk: full acceleration within so long [s]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PlanLimits:
-    """Limits of both axes and of the brake.
-
-    Attributes:
-        brake: Smallest and largest pull of the brake [N]; None for a dead weight alone.
-        pull_share: Smallest and largest pull that markers may be steered with, as shares of the
-            weight.
-    """
+    """Limits of both axes and of the brake."""
 
     cylinder_speed: float  # [rad/s]
     cylinder_acceleration: float  # [rad/s^2]
@@ -28,8 +19,10 @@ class PlanLimits:
     carriage_acceleration: float  # [m/s^2]
     carriage_jerk: float  # [m/s^3]
     travel: tuple[float, float]  # Start and end of the carriage's travel [m]
+    # Smallest and largest pull of the brake [N]; None for a dead weight alone.
     brake: tuple[float, float] | None
     brake_time: float  # Its time constant [s]
+    # Smallest and largest pull that markers may be steered with, as shares of the weight.
     pull_share: tuple[float, float] = (0.3, 1.5)
 
     def __post_init__(self) -> None:

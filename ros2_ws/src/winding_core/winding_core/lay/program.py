@@ -1,7 +1,5 @@
 """A lay program: where the cable is wanted on the cylinder, and under which tension."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Quasi-static lay-on: where a sticking cable lies under any span tension, without a solver."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np
@@ -35,11 +33,7 @@ class QuasiStaticLay:
     def __init__(self, case: Case, law: str) -> None:
         self.case = case
         self._stretch, self._stress, self._lateral = _tabulated(
-            MaterialLaw(
-                law=law,
-                young=case.material.young,
-                poisson=case.material.poisson,
-            )
+            MaterialLaw(law=law, young=case.material.young, poisson=case.material.poisson)
         )
         if law == "linear":
             self._lateral = np.ones_like(self._lateral)

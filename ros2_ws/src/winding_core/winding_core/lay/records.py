@@ -3,8 +3,6 @@
 One structured dtype each for topic, files and programs.
 """
 
-from __future__ import annotations
-
 from enum import IntEnum, IntFlag
 
 import numpy as np
@@ -96,8 +94,7 @@ LayControlRecords = NDArray[np.void]
 
 Array = NDArray[np.float64]
 
-# The free span leaves the cylinder within so much of its radius.
-_SHORT = 0.2
+_SHORT = 0.2  # The free span leaves the cylinder within so much of its radius
 
 
 def cable_lay(cable: NDArray[np.void], cylinder_angle: float, radius: float) -> tuple[Array, Array]:

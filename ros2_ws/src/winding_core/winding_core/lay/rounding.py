@@ -1,7 +1,5 @@
 """How widely a path's corners must be rounded for the carriage to follow, and by how much."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Self
@@ -19,8 +17,7 @@ from winding_core.machine.drive import DriveProfile
 
 Array = NDArray[np.float64]
 
-# A quarter of a turn: beyond that the cylinder had better turn slower.
-WIDEST = 0.5 * np.pi
+WIDEST = 0.5 * np.pi  # A quarter of a turn: beyond that the cylinder had better turn slower
 # For friction corners are rounded up to so much [rad], and to so much of what it holds.
 WIDEST_BY_FRICTION = 2.5
 OF_FRICTION = 1.2
@@ -35,13 +32,7 @@ _NAMES = ("speed", "acceleration", "jerk")
 
 
 def demands(line: SmoothedLine, speed: float, limits: PlanLimits) -> dict[str, float]:
-    """Return the largest speed, acceleration and jerk of the guide as shares of their limits.
-
-    Args:
-        line: The guide's path.
-        speed: Of the cylinder, constant [rad/s].
-        limits: Of the machine.
-    """
+    """Return the largest speed, acceleration and jerk of the guide as shares of their limits."""
     theta = _samples(line)
     most = (limits.carriage_speed, limits.carriage_acceleration, limits.carriage_jerk)
     return {
@@ -149,8 +140,7 @@ def _samples(line: SmoothedLine) -> Array:
     return np.concatenate([np.unique(marks) * step, line.theta])
 
 
-# Smaller roundings are not reported [m].
-LEAST_REPORTED = 1.0e-5
+LEAST_REPORTED = 1.0e-5  # Smaller roundings are not reported [m]
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,6 @@ kernel's knots, it reaches 2 h to either side). Everything up to the third deriv
 known in closed form.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -17,12 +15,9 @@ from winding_core.lay.program import LayProgram
 
 Array = NDArray[np.float64]
 
-# Rounding of a corner, per slope change and width.
-PEAK = 7.0 / 30.0
-# The kernel reaches so many widths to either side.
-REACH = 2.0
-# Corners are summed in batches of so many pairs, which bounds the memory.
-_BATCH = 2_000_000
+PEAK = 7.0 / 30.0  # Rounding of a corner, per slope change and width
+REACH = 2.0  # The kernel reaches so many widths to either side
+_BATCH = 2_000_000  # Corners are summed in batches of so many pairs, which bounds the memory
 
 
 @dataclass(frozen=True, kw_only=True)

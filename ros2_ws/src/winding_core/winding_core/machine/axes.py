@@ -151,8 +151,7 @@ def _slope(now: tuple[float, float], near: tuple[float, float], far: tuple[float
     return chord + curvature * (now[0] - near[0])
 
 
-# A way that decides, of the cylinder [rad] and of the carriage [m].
-_DECISIVE = (0.15, 5.0e-4)
+_DECISIVE = (0.15, 5.0e-4)  # A way that decides, of the cylinder [rad] and of the carriage [m]
 # Another machine's speeds are its own business; another unit is further off than this.
 _FACTOR = 5.0
 

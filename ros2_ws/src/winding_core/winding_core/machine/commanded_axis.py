@@ -8,8 +8,7 @@ from typing import Protocol
 
 from winding_core.machine.commands import AXES, AxisTarget, Interpolation, Motion
 
-# Rate at which the setpoint closes up to what is wanted [1/s].
-_CLOSING_RATE = 40.0
+_CLOSING_RATE = 40.0  # Rate at which the setpoint closes up to what is wanted [1/s]
 # Far from its target an axis brakes with this share of its acceleration; the rest is reserve.
 _BRAKING_SHARE = 0.8
 # Targets that come further apart are moves of their own, not the samples of one motion [s].
@@ -75,17 +74,14 @@ class Planned:
 
 @dataclass(kw_only=True)
 class Target:
-    """The last of a stream of targets; between samples their rate carries on.
-
-    Attributes:
-        to_go: Distance from the axis to it [rad or m]; infinite before the first control step.
-    """
+    """The last of a stream of targets; between samples their rate carries on."""
 
     target: AxisTarget  # What was commanded
     stamp: float  # When it holds [s]
     heard: float  # When it came [s]
     rate: float = 0.0  # Change of the commanded number per second
     period: float = 0.0  # Time between samples [s]; 0 when it is no sample of a stream
+    # Distance from the axis to it [rad or m]; infinite before the first control step.
     to_go: float = math.inf
 
     @classmethod
@@ -136,21 +132,15 @@ class CommandedAxis:
         limits: What may be asked of it.
         position: Where it is taken over [rad or m].
         speed: Its speed then [rad/s or m/s].
-
-    Attributes:
-        position: Setpoint [rad or m].
-        speed: Its rate [rad/s or m/s].
-        acceleration: The rate of that [rad/s^2 or m/s^2].
-        aim: What it is after.
-        at_end: Whether a commanded speed leads out of its travel, so that it has to brake.
     """
 
     def __init__(self, limits: MotionLimits, position: float, speed: float) -> None:
         self.limits = limits
-        self.position = position
-        self.speed = speed
-        self.acceleration = 0.0
-        self.aim: Aim = Target(target=HOLD, stamp=0.0, heard=0.0)
+        self.position = position  # Setpoint [rad or m]
+        self.speed = speed  # Its rate [rad/s or m/s]
+        self.acceleration = 0.0  # The rate of that [rad/s^2 or m/s^2]
+        self.aim: Aim = Target(target=HOLD, stamp=0.0, heard=0.0)  # What it is after
+        # Whether a commanded speed leads out of its travel, so that it has to brake.
         self.at_end = False
 
     def advance(self, t: float, dt: float) -> None:

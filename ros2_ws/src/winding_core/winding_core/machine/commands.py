@@ -1,14 +1,11 @@
 """What an outside commander asks of the machine: targets, a trajectory, a tension."""
 
-from __future__ import annotations
-
 import bisect
 from collections.abc import Mapping
 from dataclasses import dataclass
 
 CYLINDER, CARRIAGE = "cylinder", "carriage"
-# Axis -> unit of its way.
-AXES = {CYLINDER: "rad", CARRIAGE: "m"}
+AXES = {CYLINDER: "rad", CARRIAGE: "m"}  # Axis -> unit of its way
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,8 +13,7 @@ class AxisTarget:
     """Where an axis shall be, or how fast it shall go."""
 
     position: float | None = None  # [rad or m]; None to command the speed alone.
-    # [rad/s or m/s]; beside a position, the speed at which that changes.
-    speed: float | None = None
+    speed: float | None = None  # [rad/s or m/s]; beside a position, the speed at which that changes
 
     @property
     def moves_to(self) -> bool:

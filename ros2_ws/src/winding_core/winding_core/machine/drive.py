@@ -1,7 +1,5 @@
 """Drive programmes: speed ramps of both axes, with or without a turning point."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -108,8 +106,7 @@ class TurningDrive(DriveProfile):
     # Carriage position at which the guide turns back [m], with the sign of the feed; None for a
     # guide that never does.
     guide_turns_at: float | None = None
-    # Time at which both axes begin to turn back [s]; None: never.
-    unwinds_from: float | None = None
+    unwinds_from: float | None = None  # Time at which both axes begin to turn back [s]; None: never
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -1,7 +1,5 @@
 """The drum: the cylinder between its flanges, with or without grooves."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -12,8 +10,7 @@ from winding_core.units import MILLIMETRE
 
 Array = NDArray[np.float64]
 
-# Places that lie against a flange may miss it by a rounding [m].
-_ROUNDING = 1.0e-6
+_ROUNDING = 1.0e-6  # Places that lie against a flange may miss it by a rounding [m]
 
 # Flange at which winding begins -> sign of z from there on.
 START_SIDES = {"low": 1.0, "high": -1.0}

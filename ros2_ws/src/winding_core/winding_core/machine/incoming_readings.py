@@ -1,7 +1,5 @@
 """Readings as they arrive: where a run begins, which tension belongs to each, which are refused."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,10 +12,8 @@ from winding_core.machine.readings import AxisReading
 # Further from where it stood, an axis moves: above an encoder's noise, below a wound millimetre
 # [rad, m].
 MOTION = (2.0e-3, 1.0e-4)
-# Slower than this an axis stands, as its encoder sees it [rad/s, m/s].
-STANDING = (0.02, 6.0e-5)
-# So much standstill belongs to the run [s].
-LEAD_IN = 0.5
+STANDING = (0.02, 6.0e-5)  # Slower than this an axis stands, as its encoder sees it [rad/s, m/s]
+LEAD_IN = 0.5  # So much standstill belongs to the run [s]
 
 
 class Timed(Protocol):
@@ -46,11 +42,7 @@ def stands(reading: AxisReading) -> bool:
 
 
 class MotionStart(Generic[Item]):
-    """Holds readings back until the machine moves; from then on everything passes.
-
-    Args:
-        awaited: Whether the motion is awaited; otherwise everything passes.
-    """
+    """Holds readings back until the machine moves; from then on everything passes."""
 
     def __init__(self, *, awaited: bool) -> None:
         self._awaited = awaited
@@ -70,8 +62,7 @@ class MotionStart(Generic[Item]):
         return held
 
 
-# Stamps are whole nanoseconds, carried as seconds.
-_ROUNDING = 1.0e-6
+_ROUNDING = 1.0e-6  # Stamps are whole nanoseconds, carried as seconds
 
 
 @dataclass(frozen=True, kw_only=True)

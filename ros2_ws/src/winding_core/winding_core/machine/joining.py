@@ -6,8 +6,6 @@ the later one has come. When none comes within the wait, the axis stands: a serv
 changes, so its last value still holds.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """What the machine's sensors report at one instant."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Self

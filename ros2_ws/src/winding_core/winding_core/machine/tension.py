@@ -1,7 +1,5 @@
 """Tension of the span: laws of the load on the cable, and their least-squares fit."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
@@ -12,8 +10,7 @@ from numpy.typing import NDArray
 
 from winding_core.helix import FloatOrArray
 
-# The drum diameter in the middle of the two that were measured.
-REFERENCE_DIAMETER = 45.0e-3
+REFERENCE_DIAMETER = 45.0e-3  # The drum diameter in the middle of the two that were measured
 
 
 class TensionLaw(Protocol):

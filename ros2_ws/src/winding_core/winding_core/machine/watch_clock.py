@@ -1,20 +1,13 @@
 """Time as a watch counts it that may be held itself."""
 
-from __future__ import annotations
-
-# Between two looks no more time counts than this [s].
-_LONGEST_LOOK = 0.2
+_LONGEST_LOOK = 0.2  # Between two looks no more time counts than this [s]
 
 
 class WatchClock:
-    """Counts time that was looked at: what a held process missed is no silence of the machine.
-
-    Attributes:
-        time: So far [s].
-    """
+    """Counts time that was looked at: what a held process missed is no silence of the machine."""
 
     def __init__(self) -> None:
-        self.time = 0.0
+        self.time = 0.0  # So far [s]
         self._last: float | None = None
 
     def look(self, now: float) -> float:

@@ -20,8 +20,7 @@ SIZE = (660.0, 230.0)
 _MARGIN, _LINK, _JOINT = 14.0, 5.0, 3.6
 # The cylinder is drawn up to here, and further when the guide goes further [m].
 _END, _MORE = 0.125, 0.02
-# Radii of one condition differ by less [m]: they come as single precision.
-_SAME = 1.0e-4
+_SAME = 1.0e-4  # Radii of one condition differ by less [m]: they come as single precision
 
 
 class ArmView:

@@ -1,7 +1,5 @@
 """What is drawn over the camera's picture: frames around the bands, and the measured turns."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

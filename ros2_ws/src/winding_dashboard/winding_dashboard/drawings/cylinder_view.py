@@ -4,8 +4,6 @@ A parallel projection drawn from behind to the front: it needs no WebGL, and the
 is behind it.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
 from dataclasses import dataclass
@@ -17,18 +15,15 @@ from winding_core.markers import MarkerFlag
 from winding_dashboard.drawings.palette import DRUM, EDGE, INK, MEASURED, PAPER, tension_colours
 from winding_dashboard.state.view_state import ViewState
 
-# The span to the guide leaves the picture above this height over the axis [m].
-_TOP = 0.07
-# Enough dots to look like a cable and few enough to send five times a second.
-CABLE_POINTS = 360
+_TOP = 0.07  # The span to the guide leaves the picture above this height over the axis [m]
+CABLE_POINTS = 360  # Enough dots to look like a cable and few enough to send five times a second
 # A tension that varies by less is one colour [N]; the load cell's noise is 0.01 N.
 _LEAST_SPREAD = 0.05
 # The cylinder is drawn from here to there, and further when the carriage goes further [m].
 _FROM, _TO, _BEYOND = -0.02, 0.125, 0.02
 SIZE = (660.0, 250.0)
 _MARGIN = 18.0
-# Dots of the cable that have one colour.
-_PIECE = 6
+_PIECE = 6  # Dots of the cable that have one colour
 # The free span, which nothing hides, leaves the cylinder within so much of its radius.
 _SHORT = 0.2
 _LEAST_WIDTH, _LEAST_DOT = 1.6, 3.5

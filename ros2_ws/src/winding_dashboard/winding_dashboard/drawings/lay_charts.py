@@ -1,7 +1,5 @@
 """Charts of the lay over turns: against the helix of the drive, or against the wanted lay."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -16,16 +14,13 @@ from winding_dashboard.state.view_state import ViewState
 
 Points = list[list[float | None]]
 
-# The newest turns are drawn, and of each so many points at most.
-TURNS, _POINTS_OF_A_TURN = 12, 36
-# Of a drum so many layers are drawn.
-_LAYERS = 3
+TURNS, _POINTS_OF_A_TURN = 12, 36  # The newest turns are drawn, and of each so many points at most
+_LAYERS = 3  # Of a drum so many layers are drawn
 # The upper vertical axis holds at least this [mm], the lower one this in tolerances.
 _LEAST_Z, _SEEN_TOLERANCES = 5.0, 1.2
 _NOISE = 0.1
 _UPPER, _LOWER = (660.0, 200.0), (660.0, 150.0)
-# The axis of distances from the helix holds at least this [mm].
-_LEAST_ERROR, _MOST_TICKS = 0.5, 12
+_LEAST_ERROR, _MOST_TICKS = 0.5, 12  # The axis of distances from the helix holds at least this [mm]
 
 
 def helix_errors(records: LayRecords, advance: float) -> Points:

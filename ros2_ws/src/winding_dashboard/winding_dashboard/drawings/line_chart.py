@@ -1,7 +1,5 @@
 """A chart of curves and dots over one axis, as the inside of an SVG element."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,8 +9,7 @@ _INTERVALS = 4
 Points = Sequence[Sequence[float | None]]
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44.0, 8.0, 8.0, 20.0
 _LETTER = 6.2
-# Drawn of a curve at most; a chart is some 300 pixels wide.
-_MOST_POINTS = 200
+_MOST_POINTS = 200  # Drawn of a curve at most; a chart is some 300 pixels wide
 
 
 class Ends(NamedTuple):

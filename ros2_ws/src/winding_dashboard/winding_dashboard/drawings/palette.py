@@ -4,8 +4,6 @@ Curves take the page's colours by class (`data/page.css`); these are for what is
 ground of camera and cylinder.
 """
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """The charts of the last minute: speeds against setpoints, tension, a marker's curve length."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -59,10 +57,7 @@ _SPEED = (
     Series("speed", "measured", "is-measured"),
     Series("speed_set", "setpoint", "is-set dashed"),
 )
-_FEED = (
-    Series("feed", "measured", "is-measured"),
-    Series("feed_set", "setpoint", "is-set dashed"),
-)
+_FEED = (Series("feed", "measured", "is-measured"), Series("feed_set", "setpoint", "is-set dashed"))
 _TENSION = (Series("tension", "measured", "is-measured"),)
 _LENGTH = (
     Series("measured", "measured", "is-measured"),

@@ -1,7 +1,5 @@
 """The band that is read from three metres away: state, condition, progress, outcome."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

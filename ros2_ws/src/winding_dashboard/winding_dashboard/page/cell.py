@@ -1,7 +1,5 @@
 """One thing that is read at a glance, and numbers as the page writes them."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

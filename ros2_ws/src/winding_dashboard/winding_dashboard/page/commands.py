@@ -1,7 +1,5 @@
 """What the page can ask of the graph, and when."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol

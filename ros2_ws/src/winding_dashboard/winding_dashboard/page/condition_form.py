@@ -1,7 +1,5 @@
 """The condition as an operator types it: the options of the commands, as fields of a form."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

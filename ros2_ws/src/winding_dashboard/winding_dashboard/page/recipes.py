@@ -1,7 +1,5 @@
 """Conditions that operators keep: cell files in a folder, which `winding run` winds as well."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,8 +8,7 @@ from winding_core.run_spec import RunSpec
 from winding_dashboard.page.condition_form import label
 
 _SUFFIX = ".yaml"
-# A name is that of a file.
-_NAME = re.compile(r"\w[\w .-]{0,59}", re.ASCII)
+_NAME = re.compile(r"\w[\w .-]{0,59}", re.ASCII)  # A name is that of a file
 
 
 class Recipes:

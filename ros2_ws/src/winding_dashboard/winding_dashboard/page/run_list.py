@@ -1,7 +1,5 @@
 """The runs of a folder, newest first, with their outcomes and where their reports are."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from contextlib import suppress

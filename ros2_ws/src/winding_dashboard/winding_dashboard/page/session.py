@@ -3,8 +3,6 @@
 All browsers share it, so that a page that is loaded anew shows what the others show.
 """
 
-from __future__ import annotations
-
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -198,10 +196,7 @@ class OperatorSession:
         if command in commands.STOPS:
             return ""
         reason = self.graph.unavailable(command) or commands.untimely(
-            command,
-            state.phase if state.heard(now) else "",
-            state.run_phase,
-            moving=state.moving,
+            command, state.phase if state.heard(now) else "", state.run_phase, moving=state.moving
         )
         return reason or (self._unready(now) if command == commands.START else "")
 

@@ -10,12 +10,14 @@ from __future__ import annotations
 import base64
 import math
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from winding_core.cable.material_report import MaterialReport
 from winding_core.lay.errors import turn_errors
-from winding_core.lay.records import ControlMode
+from winding_core.lay.records import ControlBasis, ControlMode
+from winding_core.machine.readings import Quantity
 from winding_core.parameters import shown_values
 from winding_core.run_options import OperatorLimits
 from winding_dashboard.drawings.arm_view import ArmView
@@ -30,13 +32,150 @@ from winding_dashboard.drawings.lay_charts import (
 from winding_dashboard.drawings.run_charts import length_drawing, speed_drawings
 from winding_dashboard.page import commands
 from winding_dashboard.page.band import band
-from winding_dashboard.page.cell import number
-from winding_dashboard.page.control_card import MODES, basis_words, beliefs
-from winding_dashboard.page.figures import figures, material_sentence
+from winding_dashboard.page.cell import DASH, Cell, millimetres, number
 from winding_dashboard.page.run_list import RunList
 from winding_dashboard.page.session import OperatorSession
+from winding_dashboard.state.control_state import ControlState
 from winding_dashboard.state.health import RECORDER, recording_sentence
 from winding_dashboard.state.view_state import ViewState
+
+_MEGA = 1.0e6
+_SHOWN_VOTES = 3  # Votes that are shown; the others are below
+# The clock of a simulated machine ends with its run, at full speed: nothing turns any more.
+_OVER, _STANDS = ("finished", "emergency stop"), "stands; the machine's clock has ended"
+
+
+def material_sentence(material: MaterialReport | None) -> str:
+    """Return the identified modulus as a sentence."""
+    if material is None:
+        return "Effective modulus: no marker is measured yet"
+    if material.refusal:
+        return f"Effective modulus: {material.refusal}"
+    markers = ", ".join(f"P{number}" for number in material.markers)
+    return (
+        f"Effective modulus {material.young / _MEGA:.3f} ± "
+        f"{material.half_width_90 / _MEGA:.3f} MPa (nine times in ten), "
+        f"{material.law.replace('_', ' ')}, from {markers}; "
+        f"the model {'goes on with it' if material.taken_up else 'keeps its own'}"
+    )
+
+
+def figures(state: ViewState) -> list[Cell]:
+    """Return the newest readings."""
+    axes, wanted = state.axes, state.setpoints
+    over = state.phase in _OVER and state.clock_stands
+
+    def speed(name: str) -> tuple[float, float]:
+        measured = 0.0 if over else getattr(axes, name, math.nan)
+        return measured, getattr(wanted, name, math.nan)
+
+    turning, set_turning = speed("angular_speed")
+    feed, set_feed = speed("feed_speed")
+    angle = axes.cylinder_angle if axes is not None else math.nan
+    carriage = axes.carriage_position if axes is not None else math.nan
+    best = next(iter(state.votes), None)
+    return [
+        Cell(
+            name="Cylinder, rad/s",
+            word=number(turning, 3),
+            remark=_STANDS if over else f"set {number(set_turning, 3)}",
+        ),
+        Cell(
+            name="Carriage, mm/s",
+            word=millimetres(feed, 2),
+            remark=_STANDS if over else f"set {millimetres(set_feed, 2)}",
+        ),
+        *(_measured(state, quantity) for quantity in state.measured),
+        Cell(
+            name="Wound, turns", word=number(angle / math.tau, 2), remark=f"{number(angle, 2)} rad"
+        ),
+        Cell(name="Carriage at, mm", word=millimetres(carriage, 1), remark="guide"),
+        Cell(name="Resembles case", word=DASH if best is None else str(best), remark=_votes(state)),
+    ]
+
+
+def _measured(state: ViewState, quantity: Quantity) -> Cell:
+    old = state.old(quantity.name)
+    source = quantity.sensor.replace("_", " ")
+    return Cell(
+        name=f"{quantity.name.capitalize()}, {quantity.unit}",
+        word=number(state.measured[quantity], quantity.digits),
+        remark=f"{source}, {old:.0f} s of machine time old" if old else source,
+        style="old" if old else "",
+    )
+
+
+def _votes(state: ViewState) -> str:
+    if not state.votes:
+        return "nothing measured"
+    shown = list(state.votes.items())[:_SHOWN_VOTES]
+    return ", ".join(
+        f"{share:.0%}" if index == 0 else f"{case}: {share:.0%}"
+        for index, (case, share) in enumerate(shown)
+    )
+
+
+_BASES = {
+    ControlBasis.MEASURED: "the measured lay is fed back",
+    ControlBasis.MODEL: "TRACKER LOST: no lay has been measured for more than 1.5 turns; the guide "
+    "is fed forward by the model",
+    ControlBasis.RAMP: "SOLVER LOST: the guide follows the plain ramp of the drive programme",
+    ControlBasis.LATE: "COMMANDS LATE: the guide follows the plain ramp of the drive programme",
+}
+MODES = {
+    None: DASH,
+    ControlMode.OFF: "Off: commands nothing",
+    ControlMode.WATCH: "Watch: shows what it would command",
+    ControlMode.DRIVE: "Drive: commands the machine",
+}
+
+
+def basis_words(control: ControlState, now: float) -> tuple[str, bool]:
+    """Return what commands rest on, and whether that is a fall-back, at the machine's time [s]."""
+    if control.silent(now):
+        return f"silent for {now - control.time:.0f} s of the machine's time", True
+    basis = control.basis
+    if basis is None:
+        return "waits for the machine to move", False
+    held = control.newest is not None and bool(control.newest["limited"])
+    text = _BASES[basis] + ("; a bound of the carriage holds the guide back" if held else "")
+    return text, basis is not ControlBasis.MEASURED
+
+
+def beliefs(control: ControlState) -> dict[str, str]:
+    """Return estimates with one standard deviation and commands, by their names."""
+    newest = control.newest
+    if newest is None:
+        return dict.fromkeys(
+            ("Lands at", "Wanted there", "Free length", "Share of the pull", "Guide", "Pull"), DASH
+        )
+    would = "" if control.mode is ControlMode.DRIVE else "would be "
+    return {
+        "Lands at": _with_sigma(newest["z"], newest["sigma_z"], 2),
+        "Wanted there": f"{millimetres(newest['wanted_z'], 2)} mm",
+        "Free length": _with_sigma(newest["free_length"], newest["sigma_free_length"], 1),
+        "Share of the pull": f"{newest['load_share']:.3f} ± {newest['sigma_load_share']:.3f}",
+        "Guide": f"{would}{millimetres(newest['guide'], 1)} mm",
+        "Pull": f"{would}{newest['pull']:.2f} N" if math.isfinite(newest["pull"]) else "not set",
+        **_layers(control.values),
+    }
+
+
+def _layers(values: Mapping[str, str]) -> dict[str, str]:
+    """Return where on a drum the cable lands, and what was found last; nothing without one."""
+    if "layer" not in values:
+        return {}
+    turn, share = values["turn_of_layer"], 100.0 * float(values["measured_share_of_layer"])
+    seen = f"{share:.0f} % measured" if math.isfinite(share) else "nothing measured"
+    return {
+        "Layer": f"{values['layer']}, turn {turn}, {seen}",
+        "Found": values["newest_layer_fault"] or "no gap, climb or missing edge turn",
+    }
+
+
+def _with_sigma(value: float, sigma: float, digits: int) -> str:
+    return f"{millimetres(value, digits)} ± {millimetres(sigma, digits)} mm"
+
 
 # Nothing is drawn more often than this [s]; charts and lists change more slowly.
 PERIOD = 0.15
@@ -47,8 +186,7 @@ _REMEMBERED = 256
 _MOST_NODES, _NEWEST_TURNS = 12, 6
 # Element of each switch of the lay's controller.
 _MODES = {mode: f"mode-{mode.name.lower()}" for mode in ControlMode}
-# Of a camera whose picture size is not known yet [px].
-_PICTURE = (800, 120)
+_PICTURE = (800, 120)  # Of a camera whose picture size is not known yet [px]
 
 Render = Callable[[str, dict[str, Any]], str]
 
@@ -188,8 +326,7 @@ class Snapshots:
             if state.control.layer_turns:
                 parts["chart-layers"] = layers_drawing(state)
             parts["turns"] = self.render(
-                "turns",
-                {"turns": turns, "tolerance": tolerance, "facts": beliefs(state.control)},
+                "turns", {"turns": turns, "tolerance": tolerance, "facts": beliefs(state.control)}
             )
         elif len(state.lay):
             parts["chart-helix"] = lay_drawing(state.lay, state.advance)

@@ -1,7 +1,5 @@
 """The page's HTML: the whole once, and its parts with every snapshot; all text is escaped."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

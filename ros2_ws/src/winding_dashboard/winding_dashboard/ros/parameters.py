@@ -1,7 +1,5 @@
 """Parameters of the operator's page, and its token, which is none: whoever joins reads those."""
 
-from __future__ import annotations
-
 import ipaddress
 import os
 import stat

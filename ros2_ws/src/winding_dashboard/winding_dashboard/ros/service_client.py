@@ -1,7 +1,5 @@
 """Calls the graph's services for the page: the rig's commands, lifecycles, parameters."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
@@ -40,8 +38,7 @@ _LAY, _MEASURED_LAY, _OWN_LAY = "lay", "paper", "fem"
 # Discovery takes a second on a busy machine; readers of other tools may never come back.
 _MATCHING = 10.0
 _LOOK = 0.1
-# A large bag on a slow disk.
-_CLOSING = 120.0
+_CLOSING = 120.0  # A large bag on a slow disk
 
 
 @dataclass(eq=False)

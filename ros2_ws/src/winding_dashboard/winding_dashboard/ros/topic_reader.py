@@ -1,7 +1,5 @@
 """Looks at the newest message of every topic ten times a second, and at no other."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

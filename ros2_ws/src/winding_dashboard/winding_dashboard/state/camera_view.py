@@ -1,7 +1,5 @@
 """Where lab points appear in the camera's picture: a plumb_bob camera with a known pose."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,12 +15,7 @@ _NOMINAL = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
 
 @dataclass(frozen=True, kw_only=True)
 class CameraView:
-    """A calibrated camera at a known place.
-
-    Attributes:
-        tilt: Rotation vector from the nominal orientation about the camera's axes, shape (3,)
-            [rad].
-    """
+    """A calibrated camera at a known place."""
 
     matrix: FloatArray  # Full-resolution K, shape (3, 3) [px]
     distortion: FloatArray  # plumb_bob k1, k2, p1, p2, k3, shape (5,)
@@ -30,6 +23,7 @@ class CameraView:
     width: int  # Full-resolution width [px]
     height: int  # Full-resolution height [px]
     position: FloatArray  # Of the camera in `winder_axis`, shape (3,) [m]
+    # Rotation vector from the nominal orientation about the camera's axes, shape (3,) [rad].
     tilt: FloatArray
 
     @property

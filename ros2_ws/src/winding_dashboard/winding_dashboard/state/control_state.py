@@ -1,7 +1,5 @@
 """What the controller of the lay reports and its wanted line, as the page keeps them."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections import deque
@@ -21,8 +19,7 @@ LAY_CONTROL = "lay_control"
 NAN = float("nan")
 # Of the wanted line so many samples are kept, so far apart [rad]: a hundred turns.
 _SAMPLES, _STEP = 6300, 0.1
-# The machine's time went on for so long without a word from the controller [s].
-_SILENT = 1.0
+_SILENT = 1.0  # The machine's time went on for so long without a word from the controller [s]
 
 
 class ControlState:

@@ -1,7 +1,5 @@
 """Health of the graph's nodes: diagnostics, lifecycle state, and the recorder's report."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -10,8 +8,7 @@ from winding_core.status import Level, Status
 RECORDER = "recorder"
 _UNITS = (("GB", 1e9), ("MB", 1e6), ("kB", 1e3))
 _DIGITS = 19
-# A node repeats its state every second; one that misses three is not heard.
-SILENCE = 3.5
+SILENCE = 3.5  # A node repeats its state every second; one that misses three is not heard
 # Names of external nodes that are kept before the oldest are forgotten.
 _MOST_NODES = 24
 _MOST_PARTS = 16
@@ -50,18 +47,14 @@ class Health:
 
     Args:
         nodes: Names of the nodes that are shown from the start, in order.
-
-    Attributes:
-        first_heard: Wall time of the first report [s]; inf before any.
-        lifecycle: State of each node that answers, by name.
     """
 
     def __init__(self, nodes: Sequence[str]) -> None:
         self._expected = tuple(nodes)
         self._reports: dict[str, dict[str, Status]] = {}
         self._heard: dict[str, float] = {}
-        self.first_heard = float("inf")
-        self.lifecycle: dict[str, str] = {}
+        self.first_heard = float("inf")  # Wall time of the first report [s]; inf before any
+        self.lifecycle: dict[str, str] = {}  # State of each node that answers, by name
 
     @property
     def last_heard(self) -> float:

@@ -1,7 +1,5 @@
 """The table of markers: predicted, corrected and measured curve lengths side by side."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,8 +7,7 @@ from dataclasses import dataclass
 from winding_core.markers import MarkerFlag, Markers
 
 NAN = float("nan")
-# Rows from the start, and rows at most.
-USUAL_MARKERS, MOST_MARKERS = 4, 8
+USUAL_MARKERS, MOST_MARKERS = 4, 8  # Rows from the start, and rows at most
 # The gravest first.
 _STATES = (
     (MarkerFlag.NOT_WOUND, "not wound"),

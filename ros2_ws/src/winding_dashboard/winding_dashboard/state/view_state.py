@@ -4,8 +4,6 @@ A reader decodes messages and calls the `note_*` methods with times of the machi
 `tick` then makes one sample of the charts. Everything is bounded.
 """
 
-from __future__ import annotations
-
 import math
 import textwrap
 from collections import deque
@@ -34,16 +32,14 @@ _DEFAULT_CABLE_RADIUS = 0.002
 # Ten samples a second for a minute.
 SAMPLES = 600
 STANDING = 0.01
-# On the machine's clock an older value is no longer the present one [s].
-_OLD = 1.0
+_OLD = 1.0  # On the machine's clock an older value is no longer the present one [s]
 # Wall time without a new time of the machine after which its clock stands, or is not heard [s].
 _STANDS = 0.5
 # Characters of a message that are shown as text.
 _OTHER_LENGTH = 160
 _OUTCOME = f"orchestrator: {OUTCOME_COMPONENT}"
 LENGTHS = ("predicted", "corrected", "low", "high", "measured")
-# Times [s] with what was then.
-Trace = deque[tuple[float, Mapping[str, float]]]
+Trace = deque[tuple[float, Mapping[str, float]]]  # Times [s] with what was then
 # Attributes that nodes publish while the machine's clock runs.
 SOURCES = ("tracked", "predicted", "corrected", "cable", "lay", "picture")
 

@@ -1,7 +1,5 @@
 """Who may reach the page: a gate before everything it serves; what browsers may do with it."""
 
-from __future__ import annotations
-
 import hmac
 from urllib.parse import SplitResult, urlsplit
 

@@ -96,9 +96,7 @@ def _actions(session: OperatorSession) -> dict[str, _Action]:
             what="recording", do=lambda body: session.record(on=bool(body.get("on")))
         ),
         "limits": _Action(
-            what="limits",
-            do=lambda body: session.set_limits(_object(body, "limits")),
-            always=True,
+            what="limits", do=lambda body: session.set_limits(_object(body, "limits")), always=True
         ),
         "playback": _Action(what="playback", do=session.play, always=True),
         "recipe/save": recipe(

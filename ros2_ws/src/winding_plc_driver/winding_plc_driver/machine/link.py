@@ -1,40 +1,19 @@
 """The link to the PLC: up or lost, since when, when to try again, and both heartbeats."""
 
-from __future__ import annotations
+from winding_plc_driver.machine.mapping import EMERGENCY_STOP, QUICK_STOP, STOP, Heartbeat, Server
 
-from winding_plc_driver.machine.mapping import (
-    EMERGENCY_STOP,
-    QUICK_STOP,
-    STOP,
-    Heartbeat,
-    Server,
-)
-
-# Fits the smallest counter that a PLC has for it.
-_COUNTER = 2**15
-# The later, the stronger.
-_STOPS = (STOP, QUICK_STOP, EMERGENCY_STOP)
+_COUNTER = 2**15  # Fits the smallest counter that a PLC has for it
+_STOPS = (STOP, QUICK_STOP, EMERGENCY_STOP)  # The later, the stronger
 
 
 class Link:
-    """State of the link.
-
-    Args:
-        server: Waits and limits.
-        now: Monotonic time [s].
-
-    Attributes:
-        up: Whether commands and values pass.
-        losses: Times that it was lost.
-        reason: Why it is not up.
-        owed: The stop that was asked for while it was not up; empty for none.
-    """
+    """State of the link."""
 
     def __init__(self, server: Server, now: float) -> None:
-        self.up = False
-        self.losses = 0
-        self.reason = "not reached yet"
-        self.owed = ""
+        self.up = False  # Whether commands and values pass
+        self.losses = 0  # Times that it was lost
+        self.reason = "not reached yet"  # Why it is not up
+        self.owed = ""  # The stop that was asked for while it was not up; empty for none
         self._server = server
         self._lost_at = now
         self._established = self._stopped = False
@@ -103,16 +82,11 @@ class Link:
 
 
 class HeartbeatWatch:
-    """Watches the PLC's counter, and counts for the driver.
-
-    Attributes:
-        seen: The PLC's newest value; None before the first.
-        count: The driver's own counter.
-    """
+    """Watches the PLC's counter, and counts for the driver."""
 
     def __init__(self, heartbeat: Heartbeat) -> None:
-        self.seen: object = None
-        self.count = 0
+        self.seen: object = None  # The PLC's newest value; None before the first
+        self.count = 0  # The driver's own counter
         self._heartbeat = heartbeat
         self._changed_at: float | None = None
 

@@ -1,7 +1,5 @@
 """The mapping file: where a machine's values and commands are on its OPC UA server."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Collection, Mapping
@@ -27,12 +25,7 @@ ANGULAR_SPEED, FEED_SPEED = "angular_speed", "feed_speed"
 START, STOP, QUICK_STOP = "start", "stop", "quick_stop"
 RESET, EMERGENCY_STOP = "reset", "emergency_stop"
 # SI units of the variables that make a joint state; every other variable is a `Quantity`.
-AXES: Mapping[str, str] = {
-    ANGLE: "rad",
-    CARRIAGE: "m",
-    ANGULAR_SPEED: "rad/s",
-    FEED_SPEED: "m/s",
-}
+AXES: Mapping[str, str] = {ANGLE: "rad", CARRIAGE: "m", ANGULAR_SPEED: "rad/s", FEED_SPEED: "m/s"}
 _NEEDED = (ANGLE, CARRIAGE, CABLE_TENSION.name)
 _FACTORS = {unit: factor for units in UNITS.values() for unit, factor in units.items()}
 COMMANDS = (START, STOP, QUICK_STOP, RESET, EMERGENCY_STOP)
@@ -142,14 +135,11 @@ class Heartbeat:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineMapping:
-    """A mapping file.
-
-    Attributes:
-        variables: By the names of AXES and of quantities; speeds and quantities other than the
-            tension may be missing.
-    """
+    """A mapping file."""
 
     server: Server  # How the PLC is reached
+    # By the names of AXES and of quantities; speeds and quantities other than the tension may be
+    # missing.
     variables: Mapping[str, Variable]
     commands: Mapping[str, Command]  # By the names of COMMANDS, all of them
     state: State | None  # The machine's own state; None where it reports none

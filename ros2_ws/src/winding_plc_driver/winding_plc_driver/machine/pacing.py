@@ -1,7 +1,5 @@
 """Samples and measured values are passed on at a bearable pace."""
 
-from __future__ import annotations
-
 import heapq
 from typing import NamedTuple
 
@@ -17,19 +15,14 @@ class Measured(NamedTuple):
 
 # Readers keep two seconds of a topic; a burst of a quarter of that finds room.
 _BURST_NS = 500_000_000
-# A quarter of a reader's two seconds is left to its stalls.
-_SPEED = 4.0
+_SPEED = 4.0  # A quarter of a reader's two seconds is left to its stalls
 # A look that comes late [s] makes no larger burst.
 _LONGEST = 0.1
 _NANO = 1e9
 
 
 class Pacer:
-    """Lets items go in the order of their timestamps, a long queue at four times their own pace.
-
-    Args:
-        now: Monotonic time [s].
-    """
+    """Lets items go in the order of their timestamps, a long queue at four times their own pace."""
 
     def __init__(self, now: float) -> None:
         self._waiting: list[tuple[int, int, Sample | Measured]] = []

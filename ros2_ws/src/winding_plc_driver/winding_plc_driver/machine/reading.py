@@ -1,7 +1,5 @@
 """Values and notifications as the server sent them: in SI, each once, in order, losses counted."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -10,18 +8,14 @@ from winding_plc_driver.machine.mapping import Variable
 
 @dataclass(frozen=True, kw_only=True)
 class ServerValue:
-    """One value of a notification.
-
-    Attributes:
-        stamp_ns: Source timestamp, or the server's where there is none [ns since 1970]; None
-            without either.
-        overflow: Whether the server dropped values before or after this one: its queue was full.
-    """
+    """One value of a notification."""
 
     title: str  # What the mapping calls the variable
     value: object  # As the server has it; None where it has none
+    # Source timestamp, or the server's where there is none [ns since 1970]; None without either.
     stamp_ns: int | None
     bad: str = ""  # Name of the status when it is bad; empty otherwise
+    # Whether the server dropped values before or after this one: its queue was full.
     overflow: bool = False
 
 
@@ -76,8 +70,7 @@ class VariableReader:
         return raw + self._turns * span
 
 
-# Part 4 of OPC UA, 7.22: numbers begin with 1 and start again from 1.
-_NUMBERS = 2**32 - 1
+_NUMBERS = 2**32 - 1  # Part 4 of OPC UA, 7.22: numbers begin with 1 and start again from 1
 
 
 class SequenceNumbers:

@@ -1,7 +1,5 @@
 """The mapping's nodes on a server: found, checked, and with the types of what is written."""
 
-from __future__ import annotations
-
 from asyncua import Client, ua
 
 from winding_plc_driver.machine.mapping import MachineMapping
@@ -19,11 +17,7 @@ STATE, READ, WRITE = "state", "read of heartbeat", "write of heartbeat"
 
 
 class Nodes:
-    """Node ids and types by title.
-
-    Attributes:
-        watched: Titles of the variables to subscribe to.
-    """
+    """Node ids and types by title."""
 
     def __init__(self, mapping: MachineMapping) -> None:
         self._numbers = {name: variable.node for name, variable in mapping.variables.items()}
@@ -37,6 +31,7 @@ class Nodes:
             written[f"command {name}"] = command.node
             self._methods[f"object of {name}"] = command.object
             self._methods[f"method of {name}"] = command.method
+        # Titles of the variables to subscribe to.
         self.watched = [title for title, text in (self._numbers | beside).items() if text]
         self._variables = {
             title: text for title, text in (self._numbers | beside | written).items() if text

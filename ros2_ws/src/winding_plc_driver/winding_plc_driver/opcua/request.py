@@ -1,7 +1,5 @@
 """One request and its answer, with a time limit of its own, and what can go wrong with it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -52,12 +50,6 @@ async def ask(client: Client, request: Any, answer_type: type, timeout: float) -
 
     The library waits by itself: asyncio.wait_for of Python 3.11 loses a cancellation that comes
     with the answer, and the driver would not end.
-
-    Args:
-        client: Connected.
-        request: Of a type of the standard.
-        answer_type: Type of its answer.
-        timeout: After which it is given up [s].
 
     Raises:
         UaError: The server refuses it.

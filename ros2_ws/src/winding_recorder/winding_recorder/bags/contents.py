@@ -1,7 +1,5 @@
 """What a recording holds, without reading its messages."""
 
-from __future__ import annotations
-
 import json
 import sqlite3
 import struct

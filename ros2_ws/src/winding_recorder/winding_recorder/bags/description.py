@@ -20,14 +20,11 @@ _FOREVER = {"sec": 9223372036, "nsec": 854775807}
 # Whether the recording went on to the end of the run: "yes", or "no: " and the reason.
 COMPLETE = "complete"
 YES = "yes"
-# Before a topic's full name: messages that were published and never arrived.
-LOST = "lost "
+LOST = "lost "  # Before a topic's full name: messages that were published and never arrived
 # Before a topic's full name: how many messages arrived and could not be stored, and why.
 REFUSED = "not stored "
-# Before a node's name: its parameters as JSON.
-PARAMETERS = "parameters "
-# The recording that this one was made from, and what was lost with it.
-RECOVERED = "recovered from"
+PARAMETERS = "parameters "  # Before a node's name: its parameters as JSON
+RECOVERED = "recovered from"  # The recording that this one was made from, and what was lost with it
 # Which run this is, as JSON: id, date, version of the project, versions of libraries, host.
 ORIGIN = "origin"
 
@@ -42,8 +39,7 @@ def reason(error: BaseException) -> str:
     return f"{type(error).__name__}: {text}" if text else type(error).__name__
 
 
-# Readers take times for signed numbers of 64 bits.
-_LATEST_NS = 2**63 - 1
+_LATEST_NS = 2**63 - 1  # Readers take times for signed numbers of 64 bits
 
 
 class StoredMessage(NamedTuple):
@@ -174,14 +170,11 @@ class Extent:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """Content of the metadata.yaml of a recording.
-
-    Attributes:
-        notes: Texts by name, the `custom_data` of rosbag2.
-    """
+    """Content of the metadata.yaml of a recording."""
 
     channels: Sequence[Channel]  # Recorded topics
     extents: Sequence[Extent]  # Of its files
+    # Texts by name, the `custom_data` of rosbag2.
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def text(self) -> str:

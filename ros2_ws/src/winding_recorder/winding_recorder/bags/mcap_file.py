@@ -1,7 +1,5 @@
 """MCAP storage: small chunks, each with its CRC, each handed to the disk as soon as it is full."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Go through an MCAP file record by record, however much of it there is."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Iterator
@@ -22,13 +20,10 @@ _RECORD_HEADER = struct.Struct("<BQ")
 
 @dataclass(kw_only=True)
 class ScannedChunk:
-    """One chunk.
-
-    Attributes:
-        records: Schemas, channels and messages, in order; empty if it is damaged.
-    """
+    """One chunk."""
 
     offset: int  # Of its record [bytes]
+    # Schemas, channels and messages, in order; empty if it is damaged.
     records: list[Any] = field(default_factory=list)
     damage: str = ""  # What is wrong with it, or an empty text
     checked: bool = True  # Whether it has a CRC

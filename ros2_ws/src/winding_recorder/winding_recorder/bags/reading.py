@@ -1,7 +1,5 @@
 """Open recordings with rosbags; one sentence for each that cannot be read."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -174,14 +172,10 @@ def read_notes(folder: Path) -> dict[str, str]:
 
 
 class Decoder:
-    """Deserialises messages by the definitions that a recording brings.
-
-    Attributes:
-        types: The typestore in use.
-    """
+    """Deserialises messages by the definitions that a recording brings."""
 
     def __init__(self) -> None:
-        self.types = get_typestore(Stores.ROS2_JAZZY)
+        self.types = get_typestore(Stores.ROS2_JAZZY)  # The typestore in use
 
     def learn(self, type_name: str, definition: str) -> None:
         """Take a type's definition, unless Jazzy has the type.

@@ -1,7 +1,5 @@
 """Make a readable recording out of MCAP files that were cut off or damaged."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -9,20 +7,13 @@ from pathlib import Path
 from mcap.records import Message
 from rosbags.rosbag2.metadata import parse_qos
 
-from winding_recorder.bags.description import (
-    COMPLETE,
-    RECOVERED,
-    BagError,
-    Channel,
-    StoredMessage,
-)
+from winding_recorder.bags.description import COMPLETE, RECOVERED, BagError, Channel, StoredMessage
 from winding_recorder.bags.mcap_file import NOTES_BEFORE, BagConfig
 from winding_recorder.bags.mcap_scan import Scan, ScannedChunk, scan, scan_by_index
 from winding_recorder.bags.reading import read_notes, storage_files
 from winding_recorder.bags.writer import BagWriter
 
-# (channel key within the file, message)
-_Row = tuple[int, StoredMessage]
+_Row = tuple[int, StoredMessage]  # (channel key within the file, message)
 
 
 @dataclass(kw_only=True)
@@ -87,10 +78,7 @@ def recover(source: Path, target: Path) -> list[Salvage]:
     losses = [loss for part in parts for loss in part.salvage.losses]
     ended = notes.get(COMPLETE, "no: the recorder was killed")
     writer.close(
-        {
-            RECOVERED: source.name,
-            COMPLETE: ended if not losses else f"no: {'; '.join(losses)}",
-        }
+        {RECOVERED: source.name, COMPLETE: ended if not losses else f"no: {'; '.join(losses)}"}
     )
     return [part.salvage for part in parts]
 

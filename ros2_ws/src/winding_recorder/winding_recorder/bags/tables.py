@@ -1,7 +1,5 @@
 """Messages of a recording as tables: one row per message, or per point of a cloud."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -24,10 +22,8 @@ _PICTURES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _STAMPS = ("builtin_interfaces/msg/Time", "builtin_interfaces/msg/Duration")
 # PointField datatypes in their order, from 1.
 _POINT_TYPES = ("i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8")
-# A batch of rows at a time keeps a long recording out of memory.
-_BATCH = 20_000
-# A list whose length changes from message to message has no columns of its own.
-_LONGEST_LIST = 64
+_BATCH = 20_000  # A batch of rows at a time keeps a long recording out of memory
+_LONGEST_LIST = 64  # A list whose length changes from message to message has no columns of its own
 
 Row = dict[str, Any]
 
@@ -156,10 +152,7 @@ def _entries(message: Any) -> Iterable[Row]:
     for status in message.status:
         own = {"name": status.name, "level": int(status.level), "message": status.message}
         for item in status.values or [None]:
-            yield own | {
-                "key": item.key if item else "",
-                "value": item.value if item else "",
-            }
+            yield own | {"key": item.key if item else "", "value": item.value if item else ""}
 
 
 def _columns(name: str, value: Any) -> Row:

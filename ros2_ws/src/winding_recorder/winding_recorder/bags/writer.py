@@ -1,7 +1,5 @@
 """A rosbag2 folder that is being written."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -19,8 +17,7 @@ from winding_recorder.bags.mcap_file import BagConfig, McapFile
 
 _RESERVE = ".reserve"
 _RESERVE_STEP = 128 * 1024
-# metadata.yaml with its notes.
-_FOLDER_BYTES = 64 * 1024
+_FOLDER_BYTES = 64 * 1024  # metadata.yaml with its notes
 
 
 class Reserve:
@@ -105,10 +102,6 @@ class BagWriter:
 
     def write(self, channel: int, message: StoredMessage) -> None:
         """Take a message.
-
-        Args:
-            channel: Index of its topic.
-            message: It.
 
         Raises:
             BagError: It has a time that no recording can hold; it is left out.

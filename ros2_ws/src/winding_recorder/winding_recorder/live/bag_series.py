@@ -1,7 +1,5 @@
 """The bags of one recorder, one after the other; each is whole once it is closed."""
 
-from __future__ import annotations
-
 import errno
 import os
 import threading
@@ -25,8 +23,7 @@ from winding_ros.topic import Taken, Topic
 
 Answer = Callable[[bool, str], None]
 
-# A topic has one publisher; its predecessor and a few rivals are distinguished.
-_PUBLISHERS = 4
+_PUBLISHERS = 4  # A topic has one publisher; its predecessor and a few rivals are distinguished
 
 
 class LossCount:
@@ -80,11 +77,7 @@ class RecorderError(BagError):
 
 
 def free_folder(first: Path) -> Path:
-    """Return the first of `bag`, `bag-2`, `bag-3` and so on that does not exist.
-
-    Args:
-        first: The one without a number.
-    """
+    """Return the first of `bag`, `bag-2`, `bag-3` and so on that does not exist."""
     candidate, count = first, 1
     while candidate.exists():
         count += 1
@@ -100,12 +93,6 @@ class BagSeries:
         full_names: Of each, by its name.
         config: How a bag is stored.
         notes: Texts about the run that a bag keeps, by name.
-
-    Attributes:
-        folders: Of all bags.
-        losses: What never arrived, of the topics that one node publishes, since a bag was begun.
-        refused: What arrived and could not be stored.
-        error: What ended a bag before the run, if anything did.
     """
 
     def __init__(
@@ -116,14 +103,15 @@ class BagSeries:
         notes: Mapping[str, str],
     ) -> None:
         self._notes: list[tuple[int, Mapping[str, str]]] = [(0, dict(notes))]
-        self.folders: list[Path] = []
+        self.folders: list[Path] = []  # Of all bags
+        # What never arrived, of the topics that one node publishes, since a bag was begun.
         self.losses = {
             topic.name: LossCount()
             for topic in recorded
             if topic.publisher not in (topics.EVERY_NODE, topics.COMMANDER)
         }
-        self.refused = Refusals()
-        self.error: Exception | None = None
+        self.refused = Refusals()  # What arrived and could not be stored
+        self.error: Exception | None = None  # What ended a bag before the run, if anything did
         self._recorded = tuple(recorded)
         self._full_names = full_names
         self._config = config

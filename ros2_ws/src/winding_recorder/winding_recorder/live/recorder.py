@@ -1,7 +1,5 @@
 """Record a run: every message raw, into a rosbag2 folder and into a buffer in memory."""
 
-from __future__ import annotations
-
 import queue
 import threading
 import time
@@ -39,8 +37,7 @@ _LOOK_PERIOD = 0.01
 _REPORT_PERIOD_NS = 1_000_000_000
 # Messages of one topic come in order; a machine that is built anew begins at zero.
 _WENT_BACK_NS, _FAR_AHEAD_NS = 500_000_000, 10_000_000_000
-# The end of the seconds of a stamp.
-_LATEST_NS = 2_147_483_000_000_000_000
+_LATEST_NS = 2_147_483_000_000_000_000  # The end of the seconds of a stamp
 # What waits for the disk; a simulated machine waits itself long before.
 _MOST_WAITING = 256 * 1024 * 1024
 
@@ -51,13 +48,10 @@ Found = tuple[Topic, int | None, Taken]
 
 @dataclass(frozen=True, kw_only=True)
 class RecordRequest:
-    """A request to turn the recording on or off.
-
-    Attributes:
-        answer: Takes whether it was done and a sentence; to be called once, from any thread.
-    """
+    """A request to turn the recording on or off."""
 
     on: bool  # Which of the two
+    # Takes whether it was done and a sentence; to be called once, from any thread.
     answer: Callable[[bool, str], None]
 
 
@@ -109,10 +103,6 @@ class Recorder:
             there is one already; None offers no service.
         on_demand: Topics that are taken only while a bag is being recorded.
 
-    Attributes:
-        buffer: What has come so far.
-        bags: What is recorded.
-
     Raises:
         RecorderError: The folder exists, or nothing can be written there.
     """
@@ -132,7 +122,7 @@ class Recorder:
         self._on_demand = tuple(topic for topic in on_demand if topic not in always)
         self._recorded = (*always, *self._on_demand)
         self._further = further
-        self.buffer = RunBuffer(self._recorded)
+        self.buffer = RunBuffer(self._recorded)  # What has come so far
         namespace = node.get_namespace()
         self._hardware_id = namespace
         self._node = Node(
@@ -142,6 +132,7 @@ class Recorder:
             enable_rosout=False,
             start_parameter_services=False,
         )
+        # What is recorded.
         self.bags = BagSeries(
             self._recorded,
             {

@@ -27,8 +27,7 @@ PICTURES = (topics.IMAGE, topics.PREVIEW)
 # Simulated time of which the buffer has every message, and of which it keeps as many before that.
 _WHOLE_S, _SAMPLE_S = 10.0, 20.0
 _FEWEST = 200
-# The newest joint states that speeds are taken from.
-_SLOPE_SAMPLES = 50
+_SLOPE_SAMPLES = 50  # The newest joint states that speeds are taken from
 
 
 class BufferedMessage(NamedTuple):
@@ -41,11 +40,7 @@ class BufferedMessage(NamedTuple):
 
 
 class StampRuns:
-    """Every stamp of a topic, held as runs of equal steps: a steady topic takes no memory.
-
-    Args:
-        step_ns: The topic's period [ns].
-    """
+    """Every stamp of a topic, held as runs of equal steps: a steady topic takes no memory."""
 
     def __init__(self, step_ns: int) -> None:
         self._step_ns = step_ns
@@ -81,22 +76,18 @@ class RunBuffer:
 
     All of them for 40 s of simulated time. Of a longer run the last 10 s are whole and what was
     before them is thinned, so that memory does not grow with the run; the stamps stay complete.
-
-    Attributes:
-        messages: By topic name.
-        origin: Stamp at which the run begins [s], infinite while a real machine stands before
-            it; a reset leaves time as it is.
-        axes: How the joint states of its machine are read.
-        begun_ns: What arrived before is of earlier runs, monotonic wall time [ns].
     """
 
     def __init__(self, recorded: Iterable[Topic]) -> None:
+        # Stamp at which the run begins [s], infinite while a real machine stands before it; a reset
+        # leaves time as it is.
         self.origin = 0.0
-        self.axes = MachineAxes()
-        self.begun_ns = 0
+        self.axes = MachineAxes()  # How the joint states of its machine are read
+        self.begun_ns = 0  # What arrived before is of earlier runs, monotonic wall time [ns]
         self._lock = threading.Lock()
         self._pictured_ns: dict[str, int] = {}
         self._kept = kept = [topic for topic in recorded if topic not in PICTURES]
+        # By topic name.
         self.messages: dict[str, History[BufferedMessage]] = {
             topic.name: History(newest=_room(topic, _WHOLE_S), older=_room(topic, _SAMPLE_S))
             for topic in kept

@@ -1,7 +1,5 @@
 """Publish a recording again: the same bytes, the same rhythm."""
 
-from __future__ import annotations
-
 import importlib
 import threading
 import time
@@ -28,8 +26,7 @@ from winding_ros.messages.stamps import encode_stamp
 from winding_ros.topics import CLOCK, DIAGNOSTICS
 
 _CLOCK_PERIOD = 0.01
-# Pause and end are noticed this often [s].
-_LOOK_PERIOD = 0.05
+_LOOK_PERIOD = 0.05  # Pause and end are noticed this often [s]
 # What came in this time before a place is published at once when the playback goes there [s]: every
 # topic but the latched ones has published its newest.
 _BEFORE = 1.2
@@ -158,9 +155,6 @@ class Player:
         """Publish the recording once, as it arrived.
 
         What came before the busiest topic, while the graph was started, is published at once.
-
-        Args:
-            stopped: Whether to end early.
 
         Raises:
             BagError: The recording is damaged.

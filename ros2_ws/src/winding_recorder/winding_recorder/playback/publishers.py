@@ -1,7 +1,5 @@
 """Publishers of a playback: alone on their topics, found by who listens, and heard to the end."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Collection, Iterable
 
@@ -22,10 +20,6 @@ _LOOK_PERIOD = 0.05
 
 def refuse_rivals(node: Node, names: Iterable[str]) -> None:
     """Refuse topics that others publish.
-
-    Args:
-        node: Looks.
-        names: Of the topics, absolute.
 
     Raises:
         BagError: Another node publishes one.

@@ -1,7 +1,5 @@
 """A recording as the buffer of its run, for what is made of a run afterwards."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -36,27 +36,23 @@ DEFAULT_TOLERANCE = 1.0e-6
 _NANO = 1_000_000_000
 # Encoder samples of the last second before a node's first message belong to it [ns].
 _BEFORE = _NANO
-# Stamps since the epoch, carried as seconds [ns].
-_ROUNDING = 1000
+_ROUNDING = 1000  # Stamps since the epoch, carried as seconds [ns]
 
 
 @dataclass(kw_only=True)
 class Comparison:
-    """Answers of a replay beside the recorded ones, for one topic.
-
-    Attributes:
-        differences: Largest absolute difference by numeric field, in the field's unit.
-        excess: Largest difference over what the tolerance allows, by field; above 1 is too much.
-        mismatches: Fields of text, or numbers of rows, that differ, with how often.
-    """
+    """Answers of a replay beside the recorded ones, for one topic."""
 
     topic: str  # Full topic name
     compared: int = 0  # Messages with the same stamp on both sides
     identical: int = 0  # Those whose bytes are the same
     missing: int = 0  # Recorded, but not given by the replay
     extra: int = 0  # Given by the replay, but not recorded
+    # Largest absolute difference by numeric field, in the field's unit.
     differences: dict[str, float] = field(default_factory=dict)
+    # Largest difference over what the tolerance allows, by field; above 1 is too much.
     excess: dict[str, float] = field(default_factory=dict)
+    # Fields of text, or numbers of rows, that differ, with how often.
     mismatches: dict[str, int] = field(default_factory=lambda: defaultdict(int))
 
     @property

@@ -1,7 +1,5 @@
 """A table of numbers that is the same on the terminal, in CSV, in JSON and on the page."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

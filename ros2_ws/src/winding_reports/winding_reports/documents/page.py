@@ -1,7 +1,5 @@
 """What every report is made of: one HTML text with everything in it, one style sheet for all."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from functools import cache

@@ -1,7 +1,5 @@
 """How every picture of a report looks, and how it gets into one HTML file."""
 
-from __future__ import annotations
-
 import base64
 import io
 from collections.abc import Iterator, Sequence
@@ -30,12 +28,9 @@ SKY = "#56b4e9"
 ROD = SKY
 
 WIDTH_INCHES = 9.2
-# Of what is drawn as pixels inside an SVG: sharp on paper and on dense screens.
-DOTS_PER_INCH = 220
-# More points than pixels only make the file heavy.
-MOST_POINTS = 1500
-# A pause this many times the usual interval is a gap and not a slow sample.
-GAP = 5.0
+DOTS_PER_INCH = 220  # Of what is drawn as pixels inside an SVG: sharp on paper and on dense screens
+MOST_POINTS = 1500  # More points than pixels only make the file heavy
+GAP = 5.0  # A pause this many times the usual interval is a gap and not a slow sample
 
 _STYLE = {
     "font.family": "DejaVu Sans",

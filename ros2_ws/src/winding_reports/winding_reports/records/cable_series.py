@@ -1,7 +1,5 @@
 """The cable of a run over time, as files: pictures for ParaView, a table for everything else."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Callable
 from pathlib import Path
@@ -86,9 +84,6 @@ class VtkSeries:
     """A VTK file of each time, and the collection that ParaView opens as one series.
 
     Points carry arc length s [m], tension [N], strain, twist [rad/m] and roll [rad].
-
-    Args:
-        folder: Of the files, which is made.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -1,7 +1,5 @@
 """Which run or study this was: when, where, with which versions, on what, from which inputs."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -93,19 +91,16 @@ class Origin:
 
 @dataclass(frozen=True, kw_only=True)
 class Identity:
-    """What identifies a run or a study, and what it takes to repeat it.
+    """What identifies a run or a study, and what it takes to repeat it."""
 
-    Attributes:
-        origin: The process that made it; None where a recording does not state it.
-        seeds: Of what was drawn: the simulated sensors of a run, the networks of a study.
-        condition: What was wound and how, the solver's options included, by the name of the option.
-    """
-
+    # The process that made it; None where a recording does not state it.
     origin: Origin | None = None
+    # Of what was drawn: the simulated sensors of a run, the networks of a study.
     seeds: tuple[int, ...] = ()
     bags: tuple[str, ...] = ()  # Paths of the recordings
     weights: str = ""  # Name or folder of the learned correction; empty without one
     weights_sha256: str = ""  # Digest of its numbers; empty where it is not known
+    # What was wound and how, the solver's options included, by the name of the option.
     condition: Mapping[str, Quantity] = field(default_factory=dict)
 
     def as_json(self) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """What became of a wanted lay, beside a run without control, and how a drum was filled."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,15 +30,11 @@ from winding_core.units import known
 
 Array = NDArray[np.float64]
 
-# Places of a turn on the unrolled surface.
-PER_TURN = 24
+PER_TURN = 24  # Places of a turn on the unrolled surface
 
 
 def drum_outcome(
-    wound: WoundDrum,
-    control: LayControlRecords,
-    places: LayRecords,
-    faults: Sequence[Any],
+    wound: WoundDrum, control: LayControlRecords, places: LayRecords, faults: Sequence[Any]
 ) -> dict[str, Any]:
     """Return the unrolled surface of each layer as plain values, null where nothing is known.
 
@@ -92,8 +86,7 @@ def _layer(
 
 
 _STEP = 0.02
-# A wanted lay that is no farther from the drive programme's helix is that helix [m].
-_SAME = 1.0e-4
+_SAME = 1.0e-4  # A wanted lay that is no farther from the drive programme's helix is that helix [m]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,22 +108,17 @@ class Landing:
 
 @dataclass(frozen=True, kw_only=True)
 class LayOutcome:
-    """A controlled run's lay.
-
-    Attributes:
-        without: Without control, by the lag law with the estimated free length: the guide goes
-            along the wanted lay itself, which for an even helix is the paper's constant feed.
-        ahead: The solver's markers before the run, under the drive programme; empty where
-            another lay was wanted.
-        drum: How a drum was filled, see `drum_outcome`; None on a bare cylinder.
-        basis_shares: Share of the run that commands rested on each basis.
-    """
+    """A controlled run's lay."""
 
     mode: ControlMode  # What the controller did in the end
     wanted: WantedLine  # Where the cable was wanted, as the controller followed it
     measured: LayRecords  # Places of the wound cable, LAY_DTYPE, ascending
     predicted: LaidLine  # The solver's cable at the end of the run
+    # Without control, by the lag law with the estimated free length: the guide goes along the
+    # wanted lay itself, which for an even helix is the paper's constant feed.
     without: LaidLine
+    # The solver's markers before the run, under the drive programme; empty where another lay was
+    # wanted.
     ahead: LaidLine
     turns: tuple[TurnError, ...]  # Error of every measured turn
     without_turns: tuple[TurnError, ...]  # The same of `without`
@@ -140,9 +128,11 @@ class LayOutcome:
     load_share: float  # Estimated share of the pull that reaches the cylinder
     sigma_load_share: float  # One standard deviation of it
     landings: tuple[Landing, ...]  # Markers that were wanted somewhere
+    # Share of the run that commands rested on each basis.
     basis_shares: Mapping[ControlBasis, float]
     limited_share: float  # Share of the run in which a bound of the carriage held the guide
     drive_share: float  # Share of the run in which the controller commanded the machine
+    # How a drum was filled, see `drum_outcome`; None on a bare cylinder.
     drum: Mapping[str, Any] | None = None
 
     @property
@@ -160,12 +150,9 @@ class LayOutcome:
 
 @dataclass(frozen=True, kw_only=True)
 class LaidRun:
-    """What a run left of its lay.
+    """What a run left of its lay."""
 
-    Attributes:
-        control: States that the controller published, LAY_CONTROL_DTYPE, shape (n,), n > 0.
-    """
-
+    # States that the controller published, LAY_CONTROL_DTYPE, shape (n,), n > 0.
     control: LayControlRecords
     places: LayRecords  # The last measured lay, LAY_DTYPE
     predicted: LaidLine  # The solver's cable at the end of the run
@@ -174,11 +161,7 @@ class LaidRun:
 
 
 def lay_outcome(
-    run: LaidRun,
-    what: ResolvedCondition,
-    *,
-    tolerance: float,
-    markers: Mapping[int, float],
+    run: LaidRun, what: ResolvedCondition, *, tolerance: float, markers: Mapping[int, float]
 ) -> LayOutcome:
     """Return what became of a run's lay.
 

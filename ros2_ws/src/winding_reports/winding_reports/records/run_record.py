@@ -28,18 +28,15 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True)
 class WoundCable:
-    """A wound cable in the frame of the laboratory.
-
-    Attributes:
-        nodes: Centreline, P0 first [m], shape (n, 3), n at least 2.
-        strain: Nominal strain there, shape (n,).
-        marks: Wound angle [rad] and axial position [m] of the wound markers, relative to P0;
-            number 0 is P0, which is missing where the cable does not reach back to it.
-    """
+    """A wound cable in the frame of the laboratory."""
 
     case: Case  # What was wound
+    # Centreline, P0 first [m], shape (n, 3), n at least 2.
     nodes: NDArray[np.float64] = field(compare=False, repr=False)
+    # Nominal strain there, shape (n,).
     strain: NDArray[np.float64] = field(compare=False, repr=False)
+    # Wound angle [rad] and axial position [m] of the wound markers, relative to P0; number 0 is P0,
+    # which is missing where the cable does not reach back to it.
     marks: Mapping[int, tuple[float, float]]
     drum: Drum | None = None  # Between whose flanges it lies; None for a bare cylinder
 
@@ -158,17 +155,7 @@ class MarkerRow:
 
 @dataclass(frozen=True, kw_only=True)
 class RunRecord(AxisSpeeds):
-    """A finished run.
-
-    Attributes:
-        facts: Short facts by name for the head of the report, such as the trained factor.
-        trace: The ways to its corrected lengths; None for a run that was not traced.
-        lay: What became of the wanted lay; None for a run without a controller of the lay.
-        cable: The predicted cable at the end; None where the solver published none.
-        rod: Markers as the rod predicted them ahead of the run; empty where it is the element.
-        arm: Base, joints and eye of the arm that carried the guide at its first and its last place,
-            in `winder_axis` [m], shape (2, points, 3); None for a carriage.
-    """
+    """A finished run."""
 
     case: Case  # What was wound
     tension: Signal  # Load cell [N]
@@ -183,15 +170,22 @@ class RunRecord(AxisSpeeds):
     joint_states_lost: int | None = None  # Encoder samples that never reached the recorder
     wall_s: float | None = None  # Wall time of the run [s]
     sim_s: float | None = None  # Simulated time of the run [s]
+    # Short facts by name for the head of the report, such as the trained factor.
     facts: dict[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()  # Sentences on what the numbers are worth
+    # The ways to its corrected lengths; None for a run that was not traced.
     trace: LengthTrace | None = None
+    # What became of the wanted lay; None for a run without a controller of the lay.
     lay: LayOutcome | None = None
     identity: Identity = field(default_factory=Identity)  # Which run this was
+    # The predicted cable at the end; None where the solver published none.
     cable: WoundCable | None = None
     element: str = "rod"  # That predicted
+    # Markers as the rod predicted them ahead of the run; empty where it is the element.
     rod: MarkerSeries = field(default_factory=MarkerSeries.empty)
     material: MaterialReport | None = None  # As the markers determine it, at the end
+    # Base, joints and eye of the arm that carried the guide at its first and its last place, in
+    # `winder_axis` [m], shape (2, points, 3); None for a carriage.
     arm: NDArray[np.float64] | None = None
 
     @property

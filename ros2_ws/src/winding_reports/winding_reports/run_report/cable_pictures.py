@@ -1,7 +1,5 @@
 """Pictures of wound cables: of all cases, as the paper's Figure 9, and of one run."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np
@@ -36,11 +34,7 @@ _HOW_TO_READ = (
 
 
 def cables_picture(cables: list[WoundCable]) -> Picture:
-    """Return every case at its end, seen from the side, its cable coloured by strain.
-
-    Args:
-        cables: Of at least one case.
-    """
+    """Return every case at its end, seen from the side, its cable coloured by strain."""
     strains = ", ".join(
         f"case {cable.case.number} {100.0 * cable.wound_strain.mean():.1f} %" for cable in cables
     )

@@ -1,7 +1,5 @@
 """The report's section on the lay of a controlled run: verdict, turns, layers, pictures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -119,8 +117,7 @@ _BASES = {
     ControlBasis.RAMP: "the plain ramp, the solver being lost",
     ControlBasis.LATE: "the plain ramp, commands being late",
 }
-# Of more turns every single one is no longer read off.
-_MOST_NAMED = 24
+_MOST_NAMED = 24  # Of more turns every single one is no longer read off
 # The lower picture shows so many tolerances; what is farther off is in the upper one.
 _SHOWN_TOLERANCES = 4.0
 

@@ -1,7 +1,5 @@
 """Pictures of the machine during one run: speeds, tension, and where the graph's time went."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Pictures of the markers of one run: over time, on the unrolled cylinder, their lengths."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The run report: one HTML file with everything in it, readable offline and on paper."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from statistics import fmean
 from typing import Any

@@ -1,7 +1,5 @@
 """The index over a folder of runs: SQLite, rebuilt from the folders whenever it is missing."""
 
-from __future__ import annotations
-
 import os
 import sqlite3
 from collections.abc import Iterator, Mapping, Sequence

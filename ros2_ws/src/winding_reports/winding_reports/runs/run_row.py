@@ -1,7 +1,5 @@
 """A run of a folder as a row of its index, and two runs side by side."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math
@@ -14,8 +12,7 @@ from winding_core.run_outcome import Verdict
 # Verdicts on what is not a run that a `Verdict` judges, and on one that lost data.
 UNHEALTHY, UNREADABLE, BROKEN_OFF, TWIN = "unhealthy", "unreadable", "broken off", "twin"
 VERDICTS = (*(verdict.value for verdict in Verdict), UNHEALTHY, UNREADABLE, BROKEN_OFF, TWIN)
-# No run's numbers are larger [bytes].
-_LARGEST = 50_000_000
+_LARGEST = 50_000_000  # No run's numbers are larger [bytes]
 # Options that may differ between runs of one series: labels, lengths, redundant options.
 _NOT_OF_A_SERIES = ("case", "duration_s", "markers", "tension_mpa", "guide_distance_mm")
 
@@ -190,18 +187,13 @@ def _number(content: object, *keys: str) -> float | None:
     return float(found) if known and math.isfinite(found) else None
 
 
-# Fields that describe the file and not the run.
-_OF_THE_INDEX = ("series", "healthy", "good")
+_OF_THE_INDEX = ("series", "healthy", "good")  # Fields that describe the file and not the run
 
 
 def compared(first: Path, second: Path) -> dict[str, Any]:
     """Return two runs side by side as JSON values.
 
     Every number of the index is there, every marker, and of the condition what differs.
-
-    Args:
-        first: Its `run.json`.
-        second: Its `run.json`.
 
     Raises:
         ValueError: One of them cannot be read.

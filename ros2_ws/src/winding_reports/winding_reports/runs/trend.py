@@ -13,8 +13,6 @@ Neumann et al. 1941), s^2 = sum (x_i - x_{i-1})^2 / (2 (m - 1)), with nu = 2 (m 
 degrees of freedom: a drift that goes on from the first run does not hide in its own scatter.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -33,14 +31,12 @@ from winding_reports.runs.run_row import RunRow
 # announcement in 760 stable runs, in both directions together (`tests/winding_reports`).
 ALLOWANCE, LIMIT = 0.5, 5.5
 AVERAGE_RUN_LENGTH = 760
-# So many values state a level before the next one is judged.
-FIRST = 4
+FIRST = 4  # So many values state a level before the next one is judged
 # Beyond these a normal deviate is saturated.
 _LARGEST = 8.0
 _SIGMAS = 3.0
 _SLOPE_VALUES = 10
-# Less than this share of the level is round-off and no scatter.
-_ROUND_OFF = 1.0e-6
+_ROUND_OFF = 1.0e-6  # Less than this share of the level is round-off and no scatter
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,8 +151,7 @@ def _drift(x: Sequence[float], begin: int, since: int, at: int, up: bool) -> Dri
     )
 
 
-# A forecast beyond so many runs is meaningless.
-_FARTHEST = 200
+_FARTHEST = 200  # A forecast beyond so many runs is meaningless
 
 
 @dataclass(frozen=True, kw_only=True)

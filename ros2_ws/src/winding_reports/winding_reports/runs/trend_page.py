@@ -1,7 +1,5 @@
 """Quality over runs as one HTML page: what drifts, control charts, the newest runs."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -41,10 +39,7 @@ _NOTES = (
 
 
 def render_trend(
-    folder: str,
-    rows: Sequence[RunRow],
-    counts: Mapping[str, int],
-    found: Sequence[Trend],
+    folder: str, rows: Sequence[RunRow], counts: Mapping[str, int], found: Sequence[Trend]
 ) -> str:
     """Return the page as one HTML text that loads nothing from anywhere.
 

@@ -1,7 +1,5 @@
 """The cable as facets between cross-sections, no more of it than the window shows."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

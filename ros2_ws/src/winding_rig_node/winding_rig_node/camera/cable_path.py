@@ -1,7 +1,5 @@
 """Where the wound cable lies, with bounds for the renderer: known ahead, or growing."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
@@ -14,21 +12,17 @@ from winding_core.compiling import called
 FloatArray = NDArray[np.float64]
 IndexArray = NDArray[np.int64]
 
-# Stretches of the path whose bounds are kept [rad].
-BLOCK_ANGLE = math.pi / 4.0
+BLOCK_ANGLE = math.pi / 4.0  # Stretches of the path whose bounds are kept [rad]
 
 
 class PathTable(NamedTuple):
-    """A path as the kernels take it.
-
-    Attributes:
-        first: Index of the last angle at or before the start of each block, and one after the
-            end of the last one, shape (blocks + 1,).
-    """
+    """A path as the kernels take it."""
 
     theta: FloatArray  # Ascending wound angles [rad], shape (n,)
     z: FloatArray  # Axial positions [m], shape (n,)
     lift: FloatArray  # Heights above cable that lies on the cylinder [m], shape (n,); (0,) for none
+    # Index of the last angle at or before the start of each block, and one after the end of the
+    # last one, shape (blocks + 1,).
     first: IndexArray
     lowest: FloatArray  # Least z of each block [m], shape (blocks,)
     highest: FloatArray  # Greatest z of each block [m], shape (blocks,)
@@ -59,11 +53,6 @@ class CablePath:
 
     The arrays are copied and cannot be written: what is checked here holds for every scene.
 
-    Attributes:
-        lift: How far the centre line lies outside that of cable on the cylinder [m], shape (n,):
-            of turns that climb on others; None for cable that all lies on the cylinder.
-        table: Both with the bounds of blocks of turns, for the renderer.
-
     Raises:
         ValueError: The arrays differ in shape, theta does not ascend, z is not finite or a lift is
             negative.
@@ -71,7 +60,10 @@ class CablePath:
 
     theta: FloatArray  # Ascending wound angles behind P0 [rad], shape (n,), n at least 2
     z: FloatArray  # Axial positions there [m], shape (n,)
+    # How far the centre line lies outside that of cable on the cylinder [m], shape (n,): of turns
+    # that climb on others; None for cable that all lies on the cylinder.
     lift: FloatArray | None = None
+    # Both with the bounds of blocks of turns, for the renderer.
     table: PathTable = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -161,10 +153,8 @@ def path_crosses(
 
 
 _ROOM = 4096
-# The lay goes on by so much beyond the contact line, for its direction there [rad].
-_AHEAD = 0.02
-# Nearer to the last point than this a line through both is undetermined [rad].
-_CLOSE = 1.0e-4
+_AHEAD = 0.02  # The lay goes on by so much beyond the contact line, for its direction there [rad]
+_CLOSE = 1.0e-4  # Nearer to the last point than this a line through both is undetermined [rad]
 # Beside the points and the blocks: what lies ahead of the contact line, and where that ends.
 _SPARE = 2
 
@@ -183,9 +173,6 @@ class GrowingPath:
     """Axial position and height of the cable wound so far, piecewise linear in the wound angle.
 
     It belongs to one thread. Beyond its ends it is level, as a `CablePath`.
-
-    Args:
-        lifted: Whether cable may lie on cable.
 
     Attributes:
         table: Its points with the bounds of blocks, for the renderer; until the next change.

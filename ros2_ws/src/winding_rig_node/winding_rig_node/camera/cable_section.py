@@ -1,7 +1,5 @@
 """Cross-sections of the cable: the lit and projected half of the rim that faces the camera."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 

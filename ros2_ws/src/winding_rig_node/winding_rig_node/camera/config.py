@@ -65,20 +65,16 @@ class SensorNoise:
 
 @dataclass(frozen=True, kw_only=True)
 class Light:
-    """How the scene is lit.
-
-    Attributes:
-        direction: From the scene towards the lamp, in the lab frame; need not be a unit vector.
-        flicker: Each frame's light is multiplied by a factor drawn between 1 / (1 + flicker) and
-            1 + flicker.
-    """
+    """How the scene is lit."""
 
     gain: float = 1.0  # Exposure factor, 1 for the nominal light
+    # From the scene towards the lamp, in the lab frame; need not be a unit vector.
     direction: tuple[float, float, float] = (1.0, -0.25, 0.1)
     ambient: float = 0.35  # Share of the light without a direction
     highlight: float = 0.08  # Strength of the specular highlight on the cable, share of white
     gloss: float = 24.0  # Exponent of the highlight
     falloff: float = 0.12  # Relative loss of light from the middle of the window to its corners
+    # Each frame's light is multiplied by a factor drawn between 1 / (1 + flicker) and 1 + flicker.
     flicker: float = 0.0
 
     def __post_init__(self) -> None:
@@ -109,21 +105,18 @@ class CameraCalibration:
 
 @dataclass(frozen=True, kw_only=True)
 class CameraConfig:
-    """A camera at +x of the cylinder that looks along -x: image x is +z, image y is +y.
-
-    Attributes:
-        distortion: Brown-Conrady k1, k2, p1, p2, k3.
-        position: Of the camera's centre in the lab frame [m].
-        tilt: Rotation vector about the camera's own axes that turns it away from the nominal
-            orientation [rad].
-    """
+    """A camera at +x of the cylinder that looks along -x: image x is +z, image y is +y."""
 
     width: int = 1920  # Columns of the full sensor
     height: int = 1080  # Rows of the full sensor
     focal: float = 4900.0  # Focal length [px]; with the default pose 12.5 px/mm at the cylinder
     centre: tuple[float, float] = (963.2, 536.6)  # Principal point, column and row [px]
+    # Brown-Conrady k1, k2, p1, p2, k3.
     distortion: tuple[float, float, float, float, float] = (-0.12, 0.05, 4.0e-4, -3.0e-4, 0.0)
+    # Of the camera's centre in the lab frame [m].
     position: tuple[float, float, float] = (0.4175, 0.0, 0.05)
+    # Rotation vector about the camera's own axes that turns it away from the nominal orientation
+    # [rad].
     tilt: tuple[float, float, float] = (0.0, 0.0, 0.0)
     window: Window = field(default_factory=Window)  # Region and binning that it delivers
     noise: SensorNoise = field(default_factory=SensorNoise)  # Of the sensor

@@ -1,7 +1,5 @@
 """What never moves in the picture: cylinder with its flanges, and backdrop."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,19 +14,15 @@ from winding_rig_node.camera.scene import Paint, Surroundings
 FloatArray = NDArray[np.float64]
 SingleArray = NDArray[np.float32]
 
-# Thickness of a flange [m].
-_FLANGE = 3.0e-3
+_FLANGE = 3.0e-3  # Thickness of a flange [m]
 
 
 @dataclass(frozen=True, kw_only=True)
 class StaticView:
-    """The still part of the picture of one cylinder.
+    """The still part of the picture of one cylinder."""
 
-    Attributes:
-        inverse_depth: Of the cylinder, or a flange before it, at each sample [1/m], zero beside it,
-            shape (rows * s, columns * s).
-    """
-
+    # Of the cylinder, or a flange before it, at each sample [1/m], zero beside it, shape (rows * s,
+    # columns * s).
     inverse_depth: SingleArray
     radiance: SingleArray  # Mean of each pixel without the cable, shape (rows, columns, 3)
     rays: RayRange  # Through the window

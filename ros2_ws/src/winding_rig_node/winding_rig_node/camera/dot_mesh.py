@@ -1,7 +1,5 @@
 """Dots: squares printed on the outside of the cable, drawn onto the samples that show it."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -16,8 +14,7 @@ from winding_rig_node.camera.raster import Point, Samples, fill_triangle, touch
 
 FloatArray = NDArray[np.float64]
 
-# Squares of a dot in either direction: chords stay within 0.2 % of the cable's radius.
-PARTS = 8
+PARTS = 8  # Squares of a dot in either direction: chords stay within 0.2 % of the cable's radius
 # Facets of the cable lie up to 1 % of its radius before the surface: a dot is not hidden by those
 # that it is printed on.
 PRINT_DEPTH = 2.0e-4

@@ -1,7 +1,5 @@
 """Pinhole with Brown-Conrady distortion, for points and for rays, and what its window can show."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -187,8 +185,7 @@ def _undistorted(
     return plane, worst
 
 
-# A section whose azimuth has a smaller cosine stands behind the cylinder.
-HIDDEN_COSINE = -0.25
+HIDDEN_COSINE = -0.25  # A section whose azimuth has a smaller cosine stands behind the cylinder
 
 
 class RayRange(NamedTuple):

@@ -1,7 +1,5 @@
 """How frames leave the camera: as a compressed preview, and as a sequence on disk with truth."""
 
-from __future__ import annotations
-
 import csv
 from collections.abc import Iterable
 from pathlib import Path
@@ -50,12 +48,6 @@ def write_sequence(
 
     Writes frame_000000.png and so on, frames.csv (file, t), motion.csv (t, cylinder_angle,
     guide_z), truth.csv (t, id, theta, z, column, row, area) and camera.yaml.
-
-    Args:
-        folder: Made if it does not exist.
-        renderer: Of the camera.
-        instants: Time [s] and scene of each frame.
-        rng: Source of the sensor's noise.
 
     Raises:
         OSError: A picture cannot be written.

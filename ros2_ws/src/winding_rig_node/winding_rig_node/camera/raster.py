@@ -6,8 +6,6 @@ each row once, and a row of a facet lies between two such crossings. Elsewhere f
 triangles.
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -24,8 +22,7 @@ ByteArray = NDArray[np.uint8]
 COLUMN, NEAR, SHADE, GLOSS, ROW = 0, 1, 2, 3, 4
 LABEL = 0
 
-# Frames are resolved in blocks of a row of this many pixels.
-BLOCK = 8
+BLOCK = 8  # Frames are resolved in blocks of a row of this many pixels
 
 
 class Point(NamedTuple):
@@ -39,16 +36,13 @@ class Point(NamedTuple):
 
 
 class Samples(NamedTuple):
-    """Buffers of the samples.
+    """Buffers of the samples."""
 
-    Attributes:
-        seen: Label, inverse depth (the cylinder's for no label), shade and gloss of what is seen,
-            shape (rows * per_pixel, columns * per_pixel, 4).
-        shown: One for each block of the radiance image that is not background, shape of touched.
-    """
-
+    # Label, inverse depth (the cylinder's for no label), shade and gloss of what is seen, shape
+    # (rows * per_pixel, columns * per_pixel, 4).
     seen: SingleArray
     touched: ByteArray  # One for each block of pixels that was drawn into, shape (rows, blocks)
+    # One for each block of the radiance image that is not background, shape of touched.
     shown: ByteArray
     per_pixel: int  # Samples per pixel and direction
 
@@ -156,8 +150,7 @@ def resolve(
                     out[row, column, channel] = mean + rest * background[row, column, channel]
 
 
-# Index among sections of the one that a ribbon begins with.
-BEGIN = 0
+BEGIN = 0  # Index among sections of the one that a ribbon begins with
 
 
 @called

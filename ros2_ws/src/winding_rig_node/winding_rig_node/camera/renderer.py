@@ -1,7 +1,5 @@
 """Renderer: a scene becomes the frame that the simulated camera delivers."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2
@@ -25,8 +23,7 @@ ByteArray = NDArray[np.uint8]
 # Chords of this many pixels stay within 0.01 px of the arc at every radius of the paper.
 SECTION_STEP = 3.0
 
-# Straight lines between so many values follow a highlight to 0.01 grey level.
-GLOSS_SIZE = 2048
+GLOSS_SIZE = 2048  # Straight lines between so many values follow a highlight to 0.01 grey level
 
 # Of one marker band: pixel (column, row) of its middle on the centre line, of the centroid of its
 # visible surface, and the visible area [px]; nan where there is none.
@@ -63,12 +60,7 @@ class Renderer:
         self._views: dict[tuple[float, tuple[float, float], float, Paint], StaticView] = {}
 
     def render(self, scene: Scene, rng: np.random.Generator) -> ByteArray:
-        """Return the frame of a scene, uint8 of shape (rows, columns, 3), blue-green-red.
-
-        Args:
-            scene: What stands before the camera.
-            rng: Source of the sensor's noise.
-        """
+        """Return the frame of a scene, uint8 of shape (rows, columns, 3), blue-green-red."""
         config = self.config
         radiance = self.surroundings.cover(config, self._smeared(scene))
         if config.defocus > 0.0:
@@ -190,12 +182,7 @@ class Renderer:
 def _lighting(config: CameraConfig) -> Lighting:
     light = config.light
     x, y, z = (np.array(light.direction) / np.linalg.norm(light.direction)).tolist()
-    return Lighting(
-        x=x,
-        y=y,
-        z=z,
-        ambient=float(light.ambient),
-    )
+    return Lighting(x=x, y=y, z=z, ambient=float(light.ambient))
 
 
 def _gloss(config: CameraConfig) -> FloatArray:

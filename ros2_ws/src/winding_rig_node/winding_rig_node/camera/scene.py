@@ -1,7 +1,5 @@
 """What stands before the camera: cylinder, cable, markers, guide, and what disturbs the picture."""
 
-from __future__ import annotations
-
 import colorsys
 import math
 from dataclasses import dataclass, field
@@ -53,24 +51,22 @@ class Scene:
     A point wound theta behind P0 stands at azimuth cylinder_angle - theta. Cable that is not
     wound yet lies on the straight span from the landing point towards -y, at the distance
     (R + r) (theta - cylinder_angle) before the contact line.
-
-    Attributes:
-        marker_theta: Wound angle of each marker [rad], shape (m,), nan for one beyond the span.
-        dot_size: Side of the square printed on the outside of the cable that a marker is instead
-            of a ring band [m]; 0 for ring bands.
-        torsion: By how much the cable is twisted about itself at each marker, which turns a dot
-            towards +z [rad], shape (m,) or a number.
     """
 
     cylinder_radius: float  # R [m]
     cable_radius: float  # r [m]
     cylinder_angle: float  # Theta [rad]
     path: WoundPath  # Axial position of the wound cable; it may reach beyond Theta
+    # Wound angle of each marker [rad], shape (m,), nan for one beyond the span.
     marker_theta: FloatArray
     guide_z: float  # Axial position of the guide [m]
     free_length: float  # Distance of the guide before the contact line [m]
     band_width: float = 6.0e-3  # Of a marker's ring band along the cable [m]
+    # Side of the square printed on the outside of the cable that a marker is instead of a ring band
+    # [m]; 0 for ring bands.
     dot_size: float = 0.0
+    # By how much the cable is twisted about itself at each marker, which turns a dot towards +z
+    # [rad], shape (m,) or a number.
     torsion: FloatArray | float = 0.0
     tail_angle: float = 0.5  # Cable clamped behind P0, opposite to the winding sense [rad]
     cylinder_ends: tuple[float, float] = (-0.018, 0.118)  # Axial ends of the cylinder [m]
@@ -112,12 +108,7 @@ class Scene:
         way = rho * (theta - self.cylinder_angle)
         landing = self.landing_z
         wound = np.stack(
-            [
-                raised * np.cos(azimuth),
-                raised * np.sin(azimuth),
-                self.path.height(theta),
-            ],
-            axis=-1,
+            [raised * np.cos(azimuth), raised * np.sin(azimuth), self.path.height(theta)], axis=-1
         )
         free = np.stack(
             [
@@ -132,17 +123,14 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True)
 class Patch:
-    """A flat rectangle fixed before the camera.
-
-    Attributes:
-        in_front: Whether it hides cylinder and cable, like a rod; otherwise it stands behind.
-    """
+    """A flat rectangle fixed before the camera."""
 
     column: float  # Of its middle on the full sensor [px]
     row: float  # Of its middle on the full sensor [px]
     width: float  # [px]
     height: float  # [px]
     colour: Colour  # Radiance, blue-green-red
+    # Whether it hides cylinder and cable, like a rod; otherwise it stands behind.
     in_front: bool = False
 
     def __post_init__(self) -> None:
@@ -152,14 +140,10 @@ class Patch:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surroundings:
-    """Everything that stands still around the cylinder.
-
-    Attributes:
-        photograph: Fills the backdrop, blue-green-red, uint8 of shape (any, any, 3); None for a
-            plain one.
-    """
+    """Everything that stands still around the cylinder."""
 
     patches: tuple[Patch, ...] = ()  # Decoys and rods
+    # Fills the backdrop, blue-green-red, uint8 of shape (any, any, 3); None for a plain one.
     photograph: ByteArray | None = None
 
     def __post_init__(self) -> None:

@@ -1,7 +1,5 @@
 """From radiance to grey levels: exposure, read and shot noise, eight bits."""
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -36,16 +34,13 @@ def demosaiced(frame: ByteArray) -> ByteArray:
 
 
 class Noise(NamedTuple):
-    """Noise of one frame.
-
-    Attributes:
-        offsets: Where each row starts to read the table, shape (rows,); a row needs 3 * columns
-            numbers after it.
-    """
+    """Noise of one frame."""
 
     read: float  # Standard deviation of a dark pixel [grey levels]
     shot: float  # Variance per grey level of signal
     table: SingleArray  # Standard normal numbers, shape (n,)
+    # Where each row starts to read the table, shape (rows,); a row needs 3 * columns numbers after
+    # it.
     offsets: IndexArray
 
 

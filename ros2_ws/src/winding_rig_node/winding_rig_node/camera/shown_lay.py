@@ -1,7 +1,5 @@
 """The lay as the camera sees it: one that is known ahead, or one that is wound as it goes."""
 
-from __future__ import annotations
-
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -55,12 +53,7 @@ class KnownLay:
 
 
 class GrowingLay:
-    """A lay that is wound as the machine goes, followed view by view.
-
-    Args:
-        first: Its first view.
-        lifted: Whether cable may lie on cable.
-    """
+    """A lay that is wound as the machine goes, followed view by view."""
 
     def __init__(self, first: LayView, *, lifted: bool = False) -> None:
         self._path = GrowingPath(lifted=lifted)

@@ -39,14 +39,11 @@ def neo_hookean_stretch(load: float, guess: float = 1.0) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class CableLay:
-    """A laid cable in the cylinder's own frame.
-
-    Attributes:
-        marker_theta: Wound angle of P0..Pm [rad], shape (m + 1,); nan for one that never lands.
-    """
+    """A laid cable in the cylinder's own frame."""
 
     path_theta: FloatArray  # Ascending wound angles behind P0 [rad], shape (n,)
     path_z: FloatArray  # Axial position there [m], shape (n,)
+    # Wound angle of P0..Pm [rad], shape (m + 1,); nan for one that never lands.
     marker_theta: FloatArray
 
     def truth(self, turned: float) -> LayTruth:

@@ -4,8 +4,6 @@ A law of its own is a class that fulfils `MotionLay`, in a module of its own, an
 `MOTION_LAYS`: it is then a value of the parameter and of the option `lay`.
 """
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Callable, Mapping
 from typing import NamedTuple, Protocol
@@ -38,13 +36,7 @@ class Growth(NamedTuple):
 
 
 class LayView(NamedTuple):
-    """A motion-driven lay at one instant, relative to the view before.
-
-    Attributes:
-        marker_theta: Wound angles of the markers [rad], shape (marker_count + 1,). A marker in the
-            free span is as many radians beyond the contact line as its way to there is long on
-            the cylinder; nan for one that has not come to the eye yet.
-    """
+    """A motion-driven lay at one instant, relative to the view before."""
 
     growth: Growth  # What was wound, or taken back, since the last view
     theta: float  # Wound angle at the contact line [rad]
@@ -52,6 +44,9 @@ class LayView(NamedTuple):
     slope: float  # Rise of the lay there, dz/dtheta [m/rad]
     eye: float  # Where the eye of the guide stands [m]
     free_length: float  # Tangent span between the contact line and the eye, across the axis [m]
+    # Wound angles of the markers [rad], shape (marker_count + 1,). A marker in the free span is as
+    # many radians beyond the contact line as its way to there is long on the cylinder; nan for one
+    # that has not come to the eye yet.
     marker_theta: FloatArray
     # Heights of the growth's points above cable on the bare cylinder [m], shape (n,); (0,) for none
     lift: FloatArray = _NOTHING
@@ -59,24 +54,20 @@ class LayView(NamedTuple):
 
 
 class LayTruth(NamedTuple):
-    """Where the cable lies, and what the rig did to it.
-
-    Attributes:
-        length: Undeformed length from P0 to there [m], shape (n,); (0,) where it is unknown.
-        marker_theta: Wound angles of the markers [rad], shape (m,); nan for one that has not
-            landed.
-        radius: Of the centre line there [m], shape (n,); (0,) on a bare cylinder.
-        layer: Counted from 1 on the drum, shape (n,); (0,) on a bare cylinder.
-    """
+    """Where the cable lies, and what the rig did to it."""
 
     hidden: Mapping[str, float]  # Hidden properties of the rig by name; empty where there are none
     wound_angle: float  # Of the cylinder [rad]
     theta: FloatArray  # Wound angles of the path [rad], shape (n,)
     z: FloatArray  # Axial positions there [m], shape (n,)
+    # Undeformed length from P0 to there [m], shape (n,); (0,) where it is unknown.
     length: FloatArray
+    # Wound angles of the markers [rad], shape (m,); nan for one that has not landed.
     marker_theta: FloatArray
     marker_z: FloatArray  # Axial positions there [m], shape (m,)
+    # Of the centre line there [m], shape (n,); (0,) on a bare cylinder.
     radius: FloatArray = _NOTHING
+    # Counted from 1 on the drum, shape (n,); (0,) on a bare cylinder.
     layer: NDArray[np.int64] = np.empty(0, dtype=np.int64)
 
 

@@ -30,12 +30,7 @@ _AT_LEAST_ZERO = ("drag", "guide_play", "brake_friction", "bending", "start_shar
 
 @dataclass(frozen=True, kw_only=True)
 class HiddenRig:
-    """Properties of the simulated rig that lie between what it measures and where its cable lies.
-
-    Attributes:
-        brake_friction: Share of the pull by which the tension may stay behind a changed pull,
-            to either side.
-    """
+    """What of the simulated rig lies between what it measures and where its cable lies."""
 
     free_length: float  # Tangent span L between the contact line and the eye, across the axis [m]
     load_share: float  # Share of the pull at the guide that reaches the cylinder
@@ -43,6 +38,7 @@ class HiddenRig:
     start_share: float = 1.0  # Share of the span's tension at P0, f0 of `RigTension`
     build_up_length: float = 0.26  # Wound length over which the tension builds up, L_c [m]
     guide_play: float = 0.0  # Way that the carriage goes back before the eye follows it [m]
+    # Share of the pull by which the tension may stay behind a changed pull, to either side.
     brake_friction: float = 0.0
     bending: float = 0.0  # Factor on the section's bending stiffness EI; 0 for a cable without any
 
@@ -75,8 +71,7 @@ class HiddenRig:
 
 _stretched = called(neo_hookean_stretch)
 
-# Angle between points of a path that are kept [rad].
-GRID_STEP = 0.02
+GRID_STEP = 0.02  # Angle between points of a path that are kept [rad]
 # The bent end of the span is short beside the span; a slack cable would make it endless.
 _LONGEST_BENT_END = 0.25
 

@@ -1,7 +1,5 @@
 """The truth of a run as a JSON file, for evaluation after the run."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path
@@ -35,10 +33,7 @@ def truth_record(truth: LayTruth) -> dict[str, Any]:
             "layer": truth.layer.tolist(),
             "turn": (truth.theta[: truth.layer.size] // FULL_TURN + 1).astype(int).tolist(),
         },
-        "markers": {
-            "theta": _numbers(truth.marker_theta),
-            "z": _numbers(truth.marker_z),
-        },
+        "markers": {"theta": _numbers(truth.marker_theta), "z": _numbers(truth.marker_z)},
     }
 
 

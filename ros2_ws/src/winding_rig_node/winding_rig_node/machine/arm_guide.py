@@ -50,14 +50,12 @@ _JOINT = AxisConfig(
     encoder=EncoderConfig(resolution=2.0 * math.pi / 2**19, bandwidth=40.0),
     pid=tuned_pid(_MOTOR, 12.0),
 )
-# Speed that a joint is given per way behind its plan [1/s].
-_POSITION_GAIN = 20.0
+_POSITION_GAIN = 20.0  # Speed that a joint is given per way behind its plan [1/s]
 # A plan is exact to this [m]: what is left of a step would be a step of the next speed.
 _EXACT = 1.0e-10
 # Joints so near to a place know the eye from there to half its square, in metres [rad].
 _LINEAR = 1.0e-3
-# A guide this much slower than it was asked to be is reported.
-_SLOWED = 0.98
+_SLOWED = 0.98  # A guide this much slower than it was asked to be is reported
 # What the joints' encoders tell of the eye is as fine as this [m].
 EYE_ENCODER = EncoderConfig(resolution=1.0e-6)
 
@@ -82,9 +80,6 @@ class ArmGuide:
     """Moves the eye as the carriage is asked to move; the eye's way along the axis is its axis.
 
     The arm's controller makes up for the weight of its links and for the pull of the cable.
-
-    Args:
-        path: Of the guide.
     """
 
     def __init__(self, path: ArmPath) -> None:

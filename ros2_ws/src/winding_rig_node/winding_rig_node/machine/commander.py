@@ -1,7 +1,5 @@
 """Takes commands for the axes and the brake, or refuses them in one sentence."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,8 +25,7 @@ from winding_core.machine.commands import (
 
 # Speed at which a trajectory's end still counts as standing, as a share of the axis's limit.
 _STANDING = 1.0e-6
-# Interpolation may exceed a limit that its points keep by rounding alone.
-_ROUNDING = 1.0 + 1.0e-9
+_ROUNDING = 1.0 + 1.0e-9  # Interpolation may exceed a limit that its points keep by rounding alone
 
 
 CYLINDER_LIMITS = MotionLimits(name=CYLINDER, speed=8.0, acceleration=10.0)
@@ -41,17 +38,14 @@ class CommandError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class CommandLimits:
-    """What a commander may ask of the machine.
-
-    Attributes:
-        timeout: How long a target holds that is not reached yet, and how old one may be [s].
-    """
+    """What a commander may ask of the machine."""
 
     cylinder: MotionLimits = CYLINDER_LIMITS  # Its axis
     carriage: MotionLimits = CARRIAGE_LIMITS  # Its axis
     low_tension: float = 0.1  # Smallest pull of the brake [N]
     high_tension: float = 20.0  # Its largest pull [N]
     brake_time: float = 0.2  # Time constant of the brake [s]
+    # How long a target holds that is not reached yet, and how old one may be [s].
     timeout: float = 0.5
 
     def __post_init__(self) -> None:
@@ -80,24 +74,16 @@ class Brake:
 
 
 class Commander:
-    """What commanders have asked for since the last start.
-
-    Args:
-        limits: What they may ask for.
-
-    Attributes:
-        axes: Axes that are under commands, by name; the others follow the drive programme.
-        brake: The brake, once it was commanded; before that a dead weight pulls.
-        refused: Count of refused commands.
-        refusal: Why the last one was refused; empty when the last one was taken.
-    """
+    """What commanders have asked for since the last start."""
 
     def __init__(self, limits: CommandLimits) -> None:
         self.limits = limits
+        # Axes that are under commands, by name; the others follow the drive programme.
         self.axes: dict[str, CommandedAxis] = {}
+        # The brake, once it was commanded; before that a dead weight pulls.
         self.brake: Brake | None = None
-        self.refused = 0
-        self.refusal = ""
+        self.refused = 0  # Count of refused commands
+        self.refusal = ""  # Why the last one was refused; empty when the last one was taken
         self._limits = {item.name: item for item in (limits.cylinder, limits.carriage)}
 
     def take(

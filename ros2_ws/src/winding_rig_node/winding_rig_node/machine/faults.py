@@ -1,7 +1,5 @@
 """Faults that can be put into a signal on purpose, to see what the rest makes of them."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Collection, Mapping
@@ -51,14 +49,11 @@ _GARBAGE = (math.nan, math.inf, -math.inf)
 
 @dataclass(frozen=True, kw_only=True)
 class Fault:
-    """One fault of one signal.
-
-    Attributes:
-        amount: Factor, one value in so many, delay [s] or share lost; 0 for a kind without one.
-    """
+    """One fault of one signal."""
 
     target: str  # Name of the signal
     kind: FaultKind  # What is wrong
+    # Factor, one value in so many, delay [s] or share lost; 0 for a kind without one.
     amount: float = 0.0
 
 
@@ -119,12 +114,7 @@ class _ChannelState:
 
 
 class FaultyChannel:
-    """A signal with one fault in it.
-
-    Args:
-        fault: What is wrong.
-        rng: Draws garbage and losses.
-    """
+    """A signal with one fault in it."""
 
     def __init__(self, fault: Fault, rng: np.random.Generator) -> None:
         self.fault = fault

@@ -1,7 +1,5 @@
 """The winding machine: two controlled axes, load cell, run phases; advanced by samples."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
@@ -48,21 +46,17 @@ class Machine:
 
     The machine judges its own sensors: what cannot be is refused, and what lasts ends in a
     protective stop that only `reset` releases.
-
-    Attributes:
-        faults: What is wrong with its sensors on purpose.
-        plausibility: Judge of its sensors.
-        commander: What outside commanders have asked for since the last start.
-        sensors: Last reading of each sensor beside the encoders, by the name of its quantity;
-            None when it was invalid.
     """
 
     def __init__(self, config: MachineConfig, rng: np.random.Generator) -> None:
         self.config = config
         self.state = self._at_start()
-        self.faults = Faults()
-        self.plausibility = Plausibility(sensor_limits(config))
+        self.faults = Faults()  # What is wrong with its sensors on purpose
+        self.plausibility = Plausibility(sensor_limits(config))  # Judge of its sensors
+        # What outside commanders have asked for since the last start.
         self.commander = Commander(config.commands)
+        # Last reading of each sensor beside the encoders, by the name of its quantity; None when it
+        # was invalid.
         self.sensors: Mapping[str, Callable[[], float | None]] = {
             CABLE_TENSION.name: lambda: self.state.tension,
         }

@@ -1,7 +1,5 @@
 """What the machine is: rates, axes, sensors and their limits; its state and the phases of a run."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 from enum import Enum
@@ -30,14 +28,10 @@ LOAD_CELL_SIGNAL = "load_cell"
 SENSORS = (CYLINDER_ENCODER_SIGNAL, CARRIAGE_ENCODER_SIGNAL, LOAD_CELL_SIGNAL)
 
 CYLINDER_AXIS = AxisConfig(
-    motor=CYLINDER_MOTOR,
-    encoder=CYLINDER_ENCODER,
-    pid=tuned_pid(CYLINDER_MOTOR, _LOOP_BANDWIDTH),
+    motor=CYLINDER_MOTOR, encoder=CYLINDER_ENCODER, pid=tuned_pid(CYLINDER_MOTOR, _LOOP_BANDWIDTH)
 )
 CARRIAGE_AXIS = AxisConfig(
-    motor=CARRIAGE_MOTOR,
-    encoder=CARRIAGE_ENCODER,
-    pid=tuned_pid(CARRIAGE_MOTOR, _LOOP_BANDWIDTH),
+    motor=CARRIAGE_MOTOR, encoder=CARRIAGE_ENCODER, pid=tuned_pid(CARRIAGE_MOTOR, _LOOP_BANDWIDTH)
 )
 
 
@@ -55,14 +49,7 @@ def cylinder_axis(case: Case) -> AxisConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class MachineConfig:
-    """The machine and its load.
-
-    Attributes:
-        settling_time: How long the encoders go on after a quick or protective stop [s], so that
-            the readers see the machine stand.
-        quick_stop_time: Time from full speed to standstill in a quick or protective stop [s].
-        commands: What outside commanders may ask for.
-    """
+    """The machine and its load."""
 
     case: Case  # What is wound
     drive: DriveProfile  # Target speeds
@@ -72,8 +59,12 @@ class MachineConfig:
     arm: ArmGuide | None = None  # What carries the guide in its place
     force_noise: float = 0.01  # One standard deviation of the load cell [N]
     force_resolution: float = 0.001  # Step of its converter [N]
+    # How long the encoders go on after a quick or protective stop [s], so that the readers see the
+    # machine stand.
     settling_time: float = 0.1
+    # Time from full speed to standstill in a quick or protective stop [s].
     quick_stop_time: float = 0.3
+    # What outside commanders may ask for.
     commands: CommandLimits = field(default_factory=CommandLimits)
 
 
@@ -127,11 +118,7 @@ class PhaseError(ValueError):
 
 @dataclass(kw_only=True)
 class MachineState:
-    """Everything that changes.
-
-    Attributes:
-        origins: Where the drive programme's way begins, by axis, once the axis was commanded.
-    """
+    """Everything that changes."""
 
     phase: Phase = Phase.IDLE  # What the machine does
     sample: int = 0  # Number of encoder samples since the machine was switched on
@@ -145,6 +132,7 @@ class MachineState:
     stop_began: float | None = None  # When the last unplanned stop began, simulated time [s]
     stood_at: float | None = None  # When both axes stood after it [s]
     tension: float | None = None  # Last load cell sample [N]; None when it was invalid
+    # Where the drive programme's way begins, by axis, once the axis was commanded.
     origins: dict[str, float] = field(default_factory=dict)
     cylinder: AxisState = field(default_factory=AxisState)  # Its axis, in radians
     carriage: AxisState = field(default_factory=AxisState)  # Its axis, or the arm's eye, in metres

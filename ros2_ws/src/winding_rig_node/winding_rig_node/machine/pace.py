@@ -1,7 +1,5 @@
 """Flow control of simulated time: the rig never runs far ahead of who reads its data."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

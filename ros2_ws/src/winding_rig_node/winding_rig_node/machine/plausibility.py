@@ -1,7 +1,5 @@
 """Do readings fit the machine? Invalid ones are refused; a persistent misfit stops the machine."""
 
-from __future__ import annotations
-
 import math
 from collections import Counter
 from dataclasses import dataclass
@@ -24,22 +22,18 @@ class AxisLimits:
 
 @dataclass(frozen=True, kw_only=True)
 class PlausibilityConfig:
-    """Limits of the machine's sensors.
-
-    Attributes:
-        disagreement: Largest difference between measured speed and commanded speed, or the
-            speed that the motor's voltage stands for, as a share of full speed. Twelve healthy
-            cases stay below 0.05.
-        still_tension: How long a load cell may repeat one value [s]; noise moves a healthy one.
-    """
+    """Limits of the machine's sensors."""
 
     axes: tuple[AxisLimits, ...]  # Cylinder and carriage
     weight: float  # Dead weight on the cable [N]
     patience: float = 0.05  # How long a limit may be exceeded [s]
     overspeed: float = 1.5  # Largest speed, as a share of full speed
+    # Largest difference between measured speed and commanded speed, or the speed that the motor's
+    # voltage stands for, as a share of full speed. Twelve healthy cases stay below 0.05.
     disagreement: float = 0.25
     low_tension: float = 0.2  # Smallest tension, as a share of the weight
     high_tension: float = 3.0  # Largest tension, as a share of the weight
+    # How long a load cell may repeat one value [s]; noise moves a healthy one.
     still_tension: float = 0.3
 
 
@@ -53,15 +47,11 @@ class AxisObservation:
 
 
 class Plausibility:
-    """Judges the sensors of the machine while it moves.
-
-    Attributes:
-        refused: Values that could not be, by sensor.
-    """
+    """Judges the sensors of the machine while it moves."""
 
     def __init__(self, config: PlausibilityConfig) -> None:
         self.config = config
-        self.refused: Counter[str] = Counter()
+        self.refused: Counter[str] = Counter()  # Values that could not be, by sensor
         self._accepted: dict[str, tuple[float, float]] = {}
         self._moved: dict[str, float] = {}
         self._left: dict[str, float] = {}  # Where it was then
@@ -156,14 +146,8 @@ class Plausibility:
                 "counts faster than the axis can run",
                 abs(seen.measured) > max(self.config.overspeed * full, full + uneven),
             ),
-            (
-                "does not follow the setpoint",
-                abs(seen.measured - seen.commanded) > apart,
-            ),
-            (
-                "does not agree with the motor's voltage",
-                abs(seen.measured - seen.modelled) > apart,
-            ),
+            ("does not follow the setpoint", abs(seen.measured - seen.commanded) > apart),
+            ("does not agree with the motor's voltage", abs(seen.measured - seen.modelled) > apart),
         )
         for text, violated in checks:
             self._note(f"{name} {text}", t, violated=violated)

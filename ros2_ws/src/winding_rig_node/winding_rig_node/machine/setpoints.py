@@ -1,34 +1,22 @@
 """What each axis is asked for: by the drive programme, or by an outside commander."""
 
-from __future__ import annotations
-
 from winding_core.machine.commanded_axis import CommandedAxis
 from winding_core.machine.commands import CARRIAGE, CYLINDER
 from winding_rig_node.machine.axis import AxisState
 from winding_rig_node.machine.commander import Commander
 from winding_rig_node.machine.machine_config import MachineConfig, MachineState, Phase, PhaseError
 
-# Speed that an axis under commands is given per way behind its setpoint [1/s].
-_POSITION_GAIN = 8.0
+_POSITION_GAIN = 8.0  # Speed that an axis under commands is given per way behind its setpoint [1/s]
 
 
 class Setpoints:
-    """Setpoints of both axes.
-
-    Args:
-        config: The machine.
-        state: Its state.
-        commander: Knows which axes are under commands.
-    """
+    """Setpoints of both axes."""
 
     def __init__(self, config: MachineConfig, state: MachineState, commander: Commander) -> None:
         self._config = config
         self._state = state
         self._commander = commander
-        self._programme = {
-            CYLINDER: config.drive.angular_speed,
-            CARRIAGE: config.drive.feed_speed,
-        }
+        self._programme = {CYLINDER: config.drive.angular_speed, CARRIAGE: config.drive.feed_speed}
 
     def now(self, name: str) -> tuple[float, float]:
         """Return position [rad or m] and speed [rad/s or m/s] that an axis is asked for."""

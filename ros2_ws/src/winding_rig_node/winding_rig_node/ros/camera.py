@@ -1,7 +1,5 @@
 """The rig's camera: takes exposures in a thread of its own, publishes pictures and calibration."""
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -39,17 +37,14 @@ FrameListener = Callable[[float, NDArray[np.uint8]], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
-    """One frame that the camera has to take, and where the axes stand then.
-
-    Attributes:
-        lay: What the machine has wound by then; None for a lay that is known ahead.
-    """
+    """One frame that the camera has to take, and where the axes stand then."""
 
     t: float  # [s]
     index: int  # Of the frame, from 0
     cylinder_angle: float  # [rad]
     angular_speed: float  # [rad/s]
     guide_z: float  # [m]
+    # What the machine has wound by then; None for a lay that is known ahead.
     lay: LayView | None = None
 
 
@@ -70,13 +65,7 @@ class Shown(Protocol):
 
 
 class Camera:
-    """Renders, encodes and shows frames.
-
-    Attributes:
-        calibration: What every later camera_info carries.
-        faults: What is wrong with it on purpose.
-        listener: When set, takes every frame instead of camera/image_raw.
-    """
+    """Renders, encodes and shows frames."""
 
     def __init__(self, wanted: RigParameters, lay: ShownLay, outputs: Shown) -> None:
         self._wanted = wanted
@@ -93,8 +82,9 @@ class Camera:
         self._renderer = Renderer(camera)
         self._paint = Paint(markers=tuple(paint_of_hue(hue) for hue in wanted.hues))
         self._exposures: queue.Queue[tuple[Exposure, int]] = queue.Queue(_FRAME_QUEUE)
-        self.calibration = reading_of(camera.calibration())
-        self.faults = Faults()
+        self.calibration = reading_of(camera.calibration())  # What every later camera_info carries
+        self.faults = Faults()  # What is wrong with it on purpose
+        # When set, takes every frame instead of camera/image_raw.
         self.listener: FrameListener | None = None
         # The first picture compiles the renderer: before time runs, not within it.
         self._render(Exposure(t=0.0, index=0, cylinder_angle=0.0, angular_speed=0.0, guide_z=0.0))

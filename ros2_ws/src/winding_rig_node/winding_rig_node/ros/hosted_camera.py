@@ -1,7 +1,5 @@
 """The simulated camera in the process that tracks its frames: `winding run --compose camera`."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Iterator
@@ -71,8 +69,7 @@ def asked_parameters(node: Node) -> RigParameters:
 
 
 _NAME = "winding_rig_camera"
-# The machine publishes bursts of 5 ms.
-_LOOK_PERIOD = 0.002
+_LOOK_PERIOD = 0.002  # The machine publishes bursts of 5 ms
 
 
 class Port(Protocol):

@@ -21,8 +21,7 @@ from winding_ros.messages.serialised import MessageError
 from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
-# A stream of refused commands is one sentence per second in the log.
-_LOG_PERIOD = 1.0
+_LOG_PERIOD = 1.0  # A stream of refused commands is one sentence per second in the log
 
 
 def take_commands(node: ManagedNode[Any], loop: MachineLoop) -> None:

@@ -1,7 +1,5 @@
 """The machine in a thread of its own with absolute deadlines, and the camera in another."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time
@@ -24,18 +22,13 @@ _SAMPLE_PERIOD = 1.0 / SAMPLE_RATE
 # Samples are published in bursts of a frame's length: each wake-up of a 1 kHz loop, and of those
 # that read it, costs as much as several messages.
 _BURST = 5
-# Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz.
-_ROUNDING = 1.0e-6
+_ROUNDING = 1.0e-6  # Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz
 
 
 class MachineLoop:
     """Advances the machine as fast as the clock, the paced topics and the camera allow.
 
     Every method may be called from any thread.
-
-    Attributes:
-        machine: What is advanced.
-        pace: What the readers of its data have answered.
     """
 
     def __init__(
@@ -64,8 +57,8 @@ class MachineLoop:
             warn: Receives the sentence of a stop that was not requested.
             fail: Receives what ended a thread.
         """
-        self.machine = machine
-        self.pace = pace
+        self.machine = machine  # What is advanced
+        self.pace = pace  # What the readers of its data have answered
         self._wanted = wanted
         self._outputs = outputs
         self._camera = camera

@@ -1,7 +1,5 @@
 """What the rig publishes: encoded, with the faults that are put in on purpose, and its status."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import Any
@@ -32,17 +30,13 @@ _MEASURED = tuple(
 
 
 class Outputs:
-    """Publications of the rig, topic by topic.
-
-    Attributes:
-        faults: What is wrong with the topics on purpose; a healthy topic costs nothing.
-        exposed: Notes that the pixels of a frame are there.
-    """
+    """Publications of the rig, topic by topic."""
 
     def __init__(self, node: ManagedNode[Any]) -> None:
+        # What is wrong with the topics on purpose; a healthy topic costs nothing.
         self.faults = Faults()
         self._publish = node.endpoints.publish
-        self.exposed = node.endpoints.trace.exposed
+        self.exposed = node.endpoints.trace.exposed  # Notes that the pixels of a frame are there
         self._calibration: CameraReading | None = None
 
     def sample(self, machine: Machine) -> None:
@@ -108,8 +102,7 @@ class Outputs:
             topics.PREVIEW, t, lambda: np.frombuffer(jpeg, dtype=np.uint8)
         ):
             self._publish(
-                topics.PREVIEW,
-                encode_preview(stamp, jpeg if values is None else values.tobytes()),
+                topics.PREVIEW, encode_preview(stamp, jpeg if values is None else values.tobytes())
             )
 
     def _measured(self, topic: Topic, quantity: Quantity, t: float, value: float) -> None:
@@ -194,10 +187,7 @@ def rig_status(machine: Machine, pace: Pace, faults: str, known_lay: str) -> Sta
         message=": ".join(
             filter(
                 None,
-                (
-                    state.phase.value,
-                    state.reason or machine.remark or commander.refusal or unseen,
-                ),
+                (state.phase.value, state.reason or machine.remark or commander.refusal or unseen),
             )
         ),
         values=values,

@@ -1,7 +1,5 @@
 """The orchestrator's own node, spun in a thread, with service calls that asyncio can await."""
 
-from __future__ import annotations
-
 import asyncio
 import threading
 from collections.abc import Callable

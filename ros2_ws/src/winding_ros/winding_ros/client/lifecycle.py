@@ -73,10 +73,7 @@ _VERBS = {
     CLEANUP: "clean up",
 }
 # What leads back to unconfigured.
-_BACK = {
-    State.PRIMARY_STATE_ACTIVE: DEACTIVATE,
-    State.PRIMARY_STATE_INACTIVE: CLEANUP,
-}
+_BACK = {State.PRIMARY_STATE_ACTIVE: DEACTIVATE, State.PRIMARY_STATE_INACTIVE: CLEANUP}
 _SERVICES = {
     "get_state": GetState,
     "change_state": ChangeState,

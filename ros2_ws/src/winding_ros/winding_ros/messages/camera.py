@@ -1,7 +1,5 @@
 """Camera frames and their calibration as messages, and back (REP-104)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Protocol

@@ -98,12 +98,6 @@ def _align(buffer: bytearray, size: int) -> None:
 class CdrReader:
     """Walks through the fields of a message.
 
-    Args:
-        data: CDR bytes.
-
-    Attributes:
-        offset: Of the next byte.
-
     Raises:
         CdrError: The bytes are of another representation.
     """
@@ -112,7 +106,7 @@ class CdrReader:
         if data[:2] != ENCAPSULATION[:2]:
             raise CdrError("the message is not plain little-endian CDR")
         self.data = data
-        self.offset = HEADER_BYTES
+        self.offset = HEADER_BYTES  # Of the next byte
 
     def skip(self, size: int, count: int = 1) -> int:
         """Pass primitives of a size [bytes]; return where they begin.

@@ -1,7 +1,5 @@
 """Structured NumPy records as PointCloud2, and back; the centreline as a line strip."""
 
-from __future__ import annotations
-
 import struct
 from functools import cache
 from typing import NamedTuple
@@ -41,12 +39,7 @@ def encode_cloud(t: float, records: NDArray[np.void]) -> bytes:
     before = layout.before.stamped(t)
     COUNT.pack_into(before, layout.width_at, count)
     return b"".join(
-        (
-            before,
-            _SIZES.pack(records.dtype.itemsize * count, len(data)),
-            data,
-            bytes([dense]),
-        )
+        (before, _SIZES.pack(records.dtype.itemsize * count, len(data)), data, bytes([dense]))
     )
 
 

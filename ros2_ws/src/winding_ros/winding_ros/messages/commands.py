@@ -1,7 +1,5 @@
 """Commands of the machine's axes and brake as messages, and back."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

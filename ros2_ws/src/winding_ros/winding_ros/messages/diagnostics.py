@@ -1,7 +1,5 @@
 """Node states, case votes and a material as DiagnosticArray (REP-107), and back."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue

@@ -29,10 +29,7 @@ _NUMBERS = {"double": _DOUBLE, "float": struct.Struct("<f")}
 
 
 def encode_joint_state(
-    t: float,
-    reading: AxisReading,
-    names: tuple[str, ...] = (),
-    positions: tuple[float, ...] = (),
+    t: float, reading: AxisReading, names: tuple[str, ...] = (), positions: tuple[float, ...] = ()
 ) -> bytes:
     """Return both axes as the CDR bytes of a JointState, and the guide's place.
 
@@ -126,9 +123,6 @@ class JointStateReader:
     """Decodes the joint states of one machine, one after the other.
 
     Messages of one driver look alike: only the first is taken apart as a message object.
-
-    Args:
-        axes: Of the machine.
     """
 
     def __init__(self, axes: MachineAxes) -> None:

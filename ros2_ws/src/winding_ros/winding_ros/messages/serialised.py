@@ -1,7 +1,5 @@
 """Messages of the graph out of the bytes that DDS, a buffer or a recording holds."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from rclpy.serialization import deserialize_message

@@ -1,7 +1,5 @@
 """Stamps: seconds of simulated time in cores, builtin_interfaces/Time on topics."""
 
-from __future__ import annotations
-
 import math
 import struct
 

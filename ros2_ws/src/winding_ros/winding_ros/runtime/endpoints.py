@@ -1,7 +1,5 @@
 """Publishers, subscriptions and stop requests of a managed node: guarded, matched, contested."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -16,13 +14,7 @@ from rclpy.subscription import Subscription
 
 from winding_core.status import Level, Status
 from winding_ros.graph import NodeSpec
-from winding_ros.message_guard import (
-    Endpoint,
-    MessageGuard,
-    Rivals,
-    StampError,
-    topic_status,
-)
+from winding_ros.message_guard import Endpoint, MessageGuard, Rivals, StampError, topic_status
 from winding_ros.messages.cdr import serialised
 from winding_ros.messages.serialised import MessageError
 from winding_ros.messages.stamps import decode_stamp, serialised_stamp
@@ -37,10 +29,6 @@ from winding_ros.topic import Delivered, Topic
 class Endpoints:
     """What a managed node publishes and hears from `configure` to `cleanup`.
 
-    Attributes:
-        trace: What it notes of the way of a corrected length.
-        arrived_ns: When the input that is dealt with arrived, by the clock of this system [ns].
-
     Args:
         node: Whose endpoints.
         spec: Its declaration in the graph.
@@ -52,7 +40,8 @@ class Endpoints:
         self._node = node
         self._spec = spec
         self._heartbeat = heartbeat
-        self.trace = NodeTrace(node, spec.name)
+        self.trace = NodeTrace(node, spec.name)  # What it notes of the way of a corrected length
+        # When the input that is dealt with arrived, by the clock of this system [ns].
         self.arrived_ns = 0
         self._stop_request = StopRequest(node)
         self._publishers: dict[str, Publisher] = {}
@@ -314,17 +303,11 @@ def contestants(node: Node, topic: str) -> tuple[Endpoint, ...]:
     return tuple((publisher.node_namespace, publisher.node_name) for publisher in found)
 
 
-# An answer can be lost; a machine that stands already stays where it is [s].
-_REPEAT = 0.5
+_REPEAT = 0.5  # An answer can be lost; a machine that stands already stays where it is [s]
 
 
 class StopRequest:
-    """Calls rig/quick_stop, or rig/stop where that has no server, at most every half second.
-
-    Args:
-        node: Who asks.
-        clock: Monotonic wall time [s].
-    """
+    """Calls rig/quick_stop, or rig/stop where that has no server, at most every half second."""
 
     def __init__(self, node: Node, clock: Callable[[], float] = time.monotonic) -> None:
         self._node = node

@@ -9,8 +9,6 @@ meanwhile, with the interpreter's lock held, may wait for ever. The orchestrator
 publishers while the nodes leave, offers none: the machine's dead-man hears its messages.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from enum import Enum
@@ -97,11 +95,7 @@ def hear_heartbeat(node: Node, name: str, heard: Callable[[], None]) -> Subscrip
     )
 
 
-def watch_heartbeat(
-    node: Node,
-    name: str,
-    notify: Callable[[Sign], None],
-) -> Subscription:
+def watch_heartbeat(node: Node, name: str, notify: Callable[[Sign], None]) -> Subscription:
     """Return a subscription that reports a node's signs of life and their end.
 
     Args:

@@ -1,7 +1,5 @@
 """What a node does when it is triggered: it takes all that has arrived, topic by topic."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Managed (lifecycle) node of the graph: parameters, topics, diagnostics, safe transitions."""
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, TypeVar
@@ -44,28 +42,24 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     `cleanup`; the topics that the graph declares for them are advertised before `configure`. A
     refused transition is logged in one sentence and leaves the node alive; a refused message is
     counted and reported in `/diagnostics`.
-
-    Attributes:
-        configuration: The node's parameters.
-        endpoints: Its publishers and subscriptions.
-        active: Whether the node works.
-        stop_requested: Returns whether the process was asked to stop.
     """
 
     def __init__(self, spec: NodeSpec, configuration: type[Configuration], **kwargs: Any) -> None:
         super().__init__(spec.name, **kwargs)
         self._spec = spec
+        # The node's parameters.
         self.configuration: Configuration = declare_parameters(self, configuration)
         self._declared = configuration
         self._configured = False
-        self.active = False
+        self.active = False  # Whether the node works
+        # Returns whether the process was asked to stop.
         self.stop_requested: Callable[[], bool] = lambda: False
         add_parameter_validation(self, configuration, lambda: self._configured)
         self._failure = self._refused = ""
         self._fatal: Exception | None = None
         self._diagnostics = DIAGNOSTICS.advertise(self)
         self._heartbeat = Heartbeat(self, spec.name)
-        self.endpoints = Endpoints(self, spec, self._heartbeat)
+        self.endpoints = Endpoints(self, spec, self._heartbeat)  # Its publishers and subscriptions
         self._last_published: list[Status] = []
         self._silent_periods = 0
         # Wall time: a stopped simulation must still report that it is stopped.

@@ -4,8 +4,6 @@ A node subscribes and publishes; what it answers to a message is its handler's b
 recorded run can be put to the same code again, without DDS, threads or a clock.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol

@@ -14,13 +14,7 @@ from rcl_interfaces.msg import (
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from winding_core.parameters import (
-    Declaration,
-    ParameterError,
-    build,
-    declarations,
-    refuse_unknown,
-)
+from winding_core.parameters import Declaration, ParameterError, build, declarations, refuse_unknown
 from winding_ros.runtime.parameter_files import declared_names
 
 Configuration = TypeVar("Configuration")

@@ -1,7 +1,5 @@
 """A node's part of the trace: when it took, made and published what a corrected length needs."""
 
-from __future__ import annotations
-
 import time
 from collections import deque
 
@@ -39,10 +37,6 @@ class NodeTrace:
     """Notes instants while the topic `trace` has a subscription, and publishes them in batches.
 
     Methods may be called from any thread.
-
-    Args:
-        node: Whose trace.
-        name: Node name in the graph.
     """
 
     def __init__(self, node: Node, name: str) -> None:

@@ -1,7 +1,5 @@
 """What a ROS parameter file contains for one node."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

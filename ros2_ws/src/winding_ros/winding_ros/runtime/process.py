@@ -1,7 +1,5 @@
 """Run one node as a process."""
 
-from __future__ import annotations
-
 import ctypes
 import gc
 import os

@@ -1,7 +1,5 @@
 """The most informative motion: expected information by sensitivities of the markers."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -17,28 +15,21 @@ from cable_fem_node.winding.winding_config import WindingConfig
 from winding_study.commissioning.motion import Motion
 
 _PROBE = 1.0e-3
-# Rigs of the prior over which sensitivities are averaged, the middle one among them.
-_RIGS = 4
+_RIGS = 4  # Rigs of the prior over which sensitivities are averaged, the middle one among them
 # What a tracker of the small cylinder measures a resting marker with, over the frames of a lap.
 SIGMA_THETA, SIGMA_Z = 1.1e-3, 0.04e-3
-# A marker is read once the cylinder has turned this much further [rad].
-SEEN_AFTER = 0.5
+SEEN_AFTER = 0.5  # A marker is read once the cylinder has turned this much further [rad]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Expected:
-    """The expected information of a motion.
-
-    Attributes:
-        gain: Mean of ln of how much smaller the volume of what is looked for becomes [nat].
-        share: Expected deviation of each number over that before, by name; of its normal deviate.
-        markers: How many markers it lands in the middle of the prior.
-    """
+    """The expected information of a motion."""
 
     motion: Motion
-    gain: float
+    gain: float  # Mean of ln of how much smaller the volume of what is looked for becomes [nat]
+    # Expected deviation of each number over that before, by name; of its normal deviate.
     share: dict[str, float]
-    markers: int
+    markers: int  # How many markers it lands in the middle of the prior
 
     @property
     def most(self) -> str:

@@ -1,7 +1,5 @@
 """Motions that a machine can make within its limits, of which one commissions the cell."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -13,10 +11,8 @@ from winding_core.machine.drive import DriveProfile
 from winding_core.parameters import ParameterError
 from winding_core.run_inputs import Inputs, planned_inputs
 
-# Machine time of a commissioning run [s].
-LONGEST = 60.0
-# A motion shorter than this many turns has wound no marker twice round.
-_FEWEST_TURNS = 2.0
+LONGEST = 60.0  # Machine time of a commissioning run [s]
+_FEWEST_TURNS = 2.0  # A motion shorter than this many turns has wound no marker twice round
 # A change of the pull takes at least so long a way [rad]: a brake's time constant, twice.
 _STEP_WAY = 0.8
 _FULL_TURN = 2.0 * math.pi
@@ -24,27 +20,20 @@ _FULL_TURN = 2.0 * math.pi
 
 @dataclass(frozen=True, kw_only=True)
 class MachineReach:
-    """What the machine may do.
+    """What the machine may do."""
 
-    Attributes:
-        speeds: Smallest and largest cylinder speed [rad/s]; equal where it is the machine's own.
-        carriage_speed: Largest speed of the carriage [m/s].
-        feed: Speed of the carriage where that is the machine's own [m/s]; None: it is chosen.
-        travel: Greatest way of the carriage [m], towards the side of the feed.
-        clear: Least advance of the guide per turn with which no turn lies on another [m].
-        pulls: Smallest and largest pull that may be commanded [N]; None: the weight alone pulls.
-        longest: Longest motion [s].
-    """
-
+    # Smallest and largest cylinder speed [rad/s]; equal where it is the machine's own.
     speeds: tuple[float, float]
-    carriage_speed: float
+    carriage_speed: float  # Largest speed of the carriage [m/s]
+    # Speed of the carriage where that is the machine's own [m/s]; None: it is chosen.
     feed: float | None = None
-    travel: float
-    clear: float = 0.0
+    travel: float  # Greatest way of the carriage [m], towards the side of the feed
+    clear: float = 0.0  # Least advance of the guide per turn with which no turn lies on another [m]
     weight: float  # Pull without a command [N]
+    # Smallest and largest pull that may be commanded [N]; None: the weight alone pulls.
     pulls: tuple[float, float] | None = None
     ramp_time: float  # From standstill to full speed [s]
-    longest: float = LONGEST
+    longest: float = LONGEST  # Longest motion [s]
 
     def __post_init__(self) -> None:
         low, high = self.speeds
@@ -70,18 +59,14 @@ class MachineReach:
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """One motion of a machine.
-
-    Attributes:
-        angles: Cylinder angles of the pull's corners [rad], ascending from 0.
-        pulls: The pull there [N], straight lines between, the weight's at 0; one alone is not
-            commanded.
-    """
+    """One motion of a machine."""
 
     name: str  # Of the pull's course
     drive: DriveProfile  # Of both axes
     duration: float  # [s]
+    # Cylinder angles of the pull's corners [rad], ascending from 0.
     angles: tuple[float, ...] = (0.0,)
+    # The pull there [N], straight lines between, the weight's at 0; one alone is not commanded.
     pulls: tuple[float, ...]
 
     @property

@@ -1,7 +1,5 @@
 """What a commissioning run leaves: a cable file, a cell file, its numbers, and words."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence

@@ -1,7 +1,5 @@
 """The constants of a nonlinear law from runs of one cable under different tensions."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Which cable of a library was wound, by where its markers lie."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from contextlib import suppress
@@ -22,8 +20,7 @@ from winding_core.units import MILLIMETRE
 
 # Relative standard deviation of the run's cable diameter, as of a caliper on a soft cable.
 _CALIPER = 0.02
-# A diameter that is farther off, in standard deviations, is that of another cable.
-_FARTHEST = 5.0
+_FARTHEST = 5.0  # A diameter that is farther off, in standard deviations, is that of another cable
 # The modulus is integrated over so many standard deviations of its logarithm to either side.
 _REACH = 4.0
 # Closed forms along that, between which angles are smooth, and places at which these are compared.

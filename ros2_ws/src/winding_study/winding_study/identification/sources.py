@@ -1,7 +1,5 @@
 """Sources of an identification: tables of markers, a tensile test, rows of a recorded run."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Mapping, Sequence
@@ -23,8 +21,7 @@ from winding_study.identification.tensile import TensileTest
 MARKER_COLUMNS = ("marker", "theta_rad", "z_m")
 _STRAIN = {"strain": 1.0, "strain_pct": 0.01}
 _STRESS = {"stress_mpa": MEGAPASCAL, "stress_pa": 1.0, "stress_kpa": KILOPASCAL}
-# Messages of one topic, each as rows by column name.
-Messages = Sequence[Sequence[dict[str, Any]]]
+Messages = Sequence[Sequence[dict[str, Any]]]  # Messages of one topic, each as rows by column name
 
 
 class SourceError(ValueError):

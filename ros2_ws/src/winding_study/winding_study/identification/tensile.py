@@ -1,7 +1,5 @@
 """Laws fitted to a tensile test: nominal stress over nominal strain."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -51,12 +49,7 @@ class TensileTest:
 
 @dataclass(frozen=True, kw_only=True)
 class LawFit:
-    """One law fitted to a tensile test.
-
-    Attributes:
-        aicc: Akaike's criterion for Gaussian residuals, corrected for few points; infinite where
-            there are too few.
-    """
+    """One law fitted to a tensile test."""
 
     law: str  # One of uniaxial.LAWS
     young: float  # E [Pa]
@@ -64,6 +57,8 @@ class LawFit:
     share: float  # C01 / (C10 + C01); zero for every law but Mooney-Rivlin
     share_standard_error: float  # Of it
     rms: float  # Root mean square of the residuals [Pa]
+    # Akaike's criterion for Gaussian residuals, corrected for few points; infinite where there are
+    # too few.
     aicc: float
 
     def material(self, poisson: float) -> MaterialLaw:

@@ -20,17 +20,14 @@ LAW = "neo_hookean"
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """A fitted span-tension law and how well it explains the measured angles.
-
-    Attributes:
-        residuals_pct: Predicted over measured theta, minus one, by (case, marker), in sample.
-    """
+    """A fitted span-tension law and how well it explains the measured angles."""
 
     law: str  # Material law of the cable
     tension: RigTension  # The fitted law
     standard_errors: tuple[float, ...]  # Of its five numbers, in order, from the fit's curvature
     in_sample_rms_pct: float  # Relative root mean square of theta, all cells fitted
     leave_one_case_out_rms_pct: float  # The same, each case predicted from the other eleven
+    # Predicted over measured theta, minus one, by (case, marker), in sample.
     residuals_pct: dict[tuple[int, int], float]
 
     def as_json(self) -> dict[str, Any]:

@@ -1,7 +1,5 @@
 """A case wound to its end: as a record, as arrays, and beside the experiment by marker."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from statistics import fmean
@@ -24,8 +22,7 @@ from winding_reports.records.run_record import WoundCable
 
 Array = NDArray[np.float64]
 
-# Enough for a smooth line; a rod has several hundred nodes at the end of a run.
-MOST_NODES = 600
+MOST_NODES = 600  # Enough for a smooth line; a rod has several hundred nodes at the end of a run
 
 
 def _no_nodes() -> Array:
@@ -34,20 +31,17 @@ def _no_nodes() -> Array:
 
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
-    """One case wound to its end.
-
-    Attributes:
-        lays: Where each wound marker lies, by marker number; an unwound marker is missing.
-        nodes: Centreline at the end, P0 first, in the frame of the laboratory [m], shape (n, 3).
-        strain: Nominal strain of the centreline there, shape (n,).
-    """
+    """One case wound to its end."""
 
     case: int  # Row of Table 1
+    # Where each wound marker lies, by marker number; an unwound marker is missing.
     lays: dict[int, Lay]
     path_z: dict[int, float]  # z [m] of the predicted path at the measured theta, by marker number
     energy_balance_pct: float  # What the energy ledger cannot explain
     cpu_seconds: float  # Processor time of the run [s]
+    # Centreline at the end, P0 first, in the frame of the laboratory [m], shape (n, 3).
     nodes: Array = field(default_factory=_no_nodes, compare=False, repr=False)
+    # Nominal strain of the centreline there, shape (n,).
     strain: Array = field(default_factory=lambda: np.empty(0), compare=False, repr=False)
 
 
@@ -128,12 +122,7 @@ def cable_of(result: CaseResult) -> WoundCable:
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """One measured marker: predicted, measured, and how far apart.
-
-    Attributes:
-        dz_path_mm: Predicted minus measured z at the measured theta; None where the path of the
-            prediction is not known there.
-    """
+    """One measured marker: predicted, measured, and how far apart."""
 
     case: int  # Row of Table 1
     marker: int  # n of Pn
@@ -146,6 +135,8 @@ class Cell:
     s_exp_m: float  # Measured curve length
     error_pct: float  # Table 7's measure of the length
     dz_mm: float  # Predicted minus measured z of this marker
+    # Predicted minus measured z at the measured theta; None where the path of the prediction is not
+    # known there.
     dz_path_mm: float | None
     dtheta_rad: float  # Predicted minus measured theta
 

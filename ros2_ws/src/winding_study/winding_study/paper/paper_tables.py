@@ -1,7 +1,5 @@
 """Tables 2 to 8 of the paper beside this project's numbers, and the study's own tables."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
@@ -19,8 +17,7 @@ from winding_reports.documents.data_table import Column, DataTable, Value
 from winding_study.paper.case_result import CaseResult, Comparison
 
 Row = Mapping[str, Value]
-# h by (case, marker).
-Factors = Mapping[tuple[int, int], float]
+Factors = Mapping[tuple[int, int], float]  # h by (case, marker)
 
 # The published simulation column is 'paper', the experiment 'experiment'.
 PAPER = "paper"
@@ -201,9 +198,7 @@ def _table(
     names = list(content[0]) if content else []
     columns = [
         Column(
-            name=name,
-            digits=(digits or {}).get(name, 2),
-            mean=name.startswith("|") or number >= 7,
+            name=name, digits=(digits or {}).get(name, 2), mean=name.startswith("|") or number >= 7
         )
         for name in names
     ]

@@ -24,27 +24,23 @@ PROCESSES = 2
 ROD_SEGMENT = 5.0e-3
 # A wound solid element is a chord: D / 6 is a third of the wound radius, so 0.3 rad.
 SOLID_SEGMENT_SHARE = 1.0 / 6.0
-# Of the arrays in the store; a store of another format is not read.
-STORE_FORMAT = 1
+STORE_FORMAT = 1  # Of the arrays in the store; a store of another format is not read
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyConfig:
-    """What all cases share.
-
-    Attributes:
-        segment_length: Reference length of an element [m]; None takes 5 mm for the rod and a
-            sixth of the cylinder's diameter for the solid.
-        mass_scaling: Factor on the density; None takes 1 for the rod and 400 for the solid.
-        free_length: Tangent span between cylinder and guide [m], one for all cases.
-        tension_law: Span tension; the dead weight unless the rig is calibrated.
-    """
+    """What all cases share."""
 
     element: str = "rod"  # ``rod`` or ``solid``, the paper's C3D8R
     law: str = "linear"  # Material law
+    # Reference length of an element [m]; None takes 5 mm for the rod and a sixth of the cylinder's
+    # diameter for the solid.
     segment_length: float | None = None
+    # Factor on the density; None takes 1 for the rod and 400 for the solid.
     mass_scaling: float | None = None
+    # Tangent span between cylinder and guide [m], one for all cases.
     free_length: float = PAPER_FREE_LENGTH
+    # Span tension; the dead weight unless the rig is calibrated.
     tension_law: TensionLaw = field(default_factory=DeadWeight)
     drive: DriveProfile = field(default_factory=DriveProfile)  # Speeds over time
     duration: float = PAPER_DURATION  # Simulated length of each run [s]

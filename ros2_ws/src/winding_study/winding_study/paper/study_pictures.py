@@ -1,7 +1,5 @@
 """Pictures of a study: lengths and errors as Tables 5 to 8, models of h, network, classifier."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -40,8 +38,7 @@ Series = tuple[str, str, str, bool, Mapping[Cell, float]]
 
 _TICKS = (0.0, 2.0, 5.0, 10.0, 20.0, 40.0, 60.0)
 _PANELS_PER_ROW = 6
-# Between a title and its axes, for the legend.
-_LEGEND_POINTS = 24.0
+_LEGEND_POINTS = 24.0  # Between a title and its axes, for the legend
 # Wider than the step between two markers of one case.
 _BETWEEN_CASES = 1.2
 PAPER_ACCURACY_PCT = 91.3

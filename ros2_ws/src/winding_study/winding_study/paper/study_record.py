@@ -1,7 +1,5 @@
 """What a study found: the prediction beside the experiment, the models of h, the verdict."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -42,29 +40,25 @@ from winding_study.paper.study import ROD_SEGMENT, StudyConfig, predicted_length
 from winding_study.run_parameters import RunParameters
 
 PUBLISHED = "paper's simulation"
-# Models over the rig's span-tension law.
-PHYSICAL = (RIG, RIG_NETWORK, RIG_PROCESS)
+PHYSICAL = (RIG, RIG_NETWORK, RIG_PROCESS)  # Models over the rig's span-tension law
 
 
 @dataclass(frozen=True, kw_only=True)
 class StudyRecord:
-    """Everything that a study found.
-
-    Attributes:
-        results: Our cases; nothing when the paper's simulation is the base.
-        cells: What the models of h learned from, in the order of their h; empty without models.
-        models: Scores by name; empty when not all twelve cases were wound.
-        noise: K-NN accuracy in percent against simulated noise in percent; None without evidence.
-        within: How P3 and P4 of a run follow from its measured P1 and P2; None without evidence.
-    """
+    """Everything that a study found."""
 
     config: StudyConfig | None  # What was wound; None when the paper's simulation is the base
     cases: tuple[int, ...]  # Rows of Table 1 that were asked for
     comparison: Comparison  # The base beside the experiment
+    # Our cases; nothing when the paper's simulation is the base.
     results: tuple[CaseResult, ...] = ()
+    # What the models of h learned from, in the order of their h; empty without models.
     cells: tuple[LengthCell, ...] = ()
+    # Scores by name; empty when not all twelve cases were wound.
     models: Mapping[str, ModelScore] = field(default_factory=dict)
+    # K-NN accuracy in percent against simulated noise in percent; None without evidence.
     noise: DataTable | None = None
+    # How P3 and P4 of a run follow from its measured P1 and P2; None without evidence.
     within: DataTable | None = None
 
     @property

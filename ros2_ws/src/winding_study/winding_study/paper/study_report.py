@@ -1,7 +1,5 @@
 """The study's report: one HTML file beside one CSV file for every table."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """A plan's options: limits of the machine, and a drum with the program that fills it."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

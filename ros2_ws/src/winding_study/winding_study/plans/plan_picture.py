@@ -1,7 +1,5 @@
 """A plan as a picture: the lay, what remains, and both axes and the pull over time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

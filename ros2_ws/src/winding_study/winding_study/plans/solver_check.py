@@ -1,7 +1,5 @@
 """A plan wound by the rod: where the cable lies by the solver, beside the lag law."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -18,8 +16,7 @@ from winding_core.run_inputs import no_inputs
 
 Array = NDArray[np.float64]
 
-# Between these the solver takes a cubic [s].
-_PERIOD = 0.02
+_PERIOD = 0.02  # Between these the solver takes a cubic [s]
 # Steps of the fit of a lag, and how far aside a trial lies, as a share of it.
 _FITS = 4
 _ASIDE = 1.0e-4
@@ -68,10 +65,7 @@ def wind_plan(plan: LayPlan, config: WindingConfig) -> SolverLay:
     replay(inputs, model)
     _, theta, z = model.wound_path()
     return SolverLay(
-        theta=theta,
-        z=z,
-        residual=z - plan.program.z_at(theta),
-        markers=_landed(model.markers()),
+        theta=theta, z=z, residual=z - plan.program.z_at(theta), markers=_landed(model.markers())
     )
 
 

@@ -21,14 +21,11 @@ from winding_study.sweep.outcome import wind_batch
 
 LARGEST_BATCH = 20
 
-# How often in a row workers may be killed before anything new is done.
-PATIENCE = 3
+PATIENCE = 3  # How often in a row workers may be killed before anything new is done
 
 
-# After this an idle process ends [s]: soon enough when its parent was killed.
-IDLE_TIME = 20.0
-# Time for a scheduler to answer and to have its first worker [s].
-CONNECT_TIME = 20.0
+IDLE_TIME = 20.0  # After this an idle process ends [s]: soon enough when its parent was killed
+CONNECT_TIME = 20.0  # Time for a scheduler to answer and to have its first worker [s]
 # Where the status page of a scheduler of this machine listens: any free port, on this machine only.
 LOOPBACK = "127.0.0.1:0"
 
@@ -320,13 +317,7 @@ class Shard:
 def stored_results(
     store: RunStore, keys: Sequence[str], say: Callable[[str], None]
 ) -> dict[str, Arrays]:
-    """Return the results of the keys that are in a store.
-
-    Args:
-        store: The store.
-        keys: Runs to look up.
-        say: Called with one sentence for each damaged file.
-    """
+    """Return the results of the keys that are in a store."""
     found = {key: store.load(key, say) for key in dict.fromkeys(keys)}
     return {key: results for key, results in found.items() if results is not None}
 

@@ -1,7 +1,5 @@
 """What the runs of a sweep leave behind, whether they went well or not: arrays, one table."""
 
-from __future__ import annotations
-
 import csv
 import functools
 import io

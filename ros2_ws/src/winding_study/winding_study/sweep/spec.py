@@ -1,7 +1,5 @@
 """What a sweep varies: a YAML text becomes the options of every run, in order and with type."""
 
-from __future__ import annotations
-
 import difflib
 import hashlib
 import itertools
@@ -15,8 +13,7 @@ import yaml
 
 from winding_core.yaml_text import PlainLoader, YamlTextError, load_yaml
 
-# More values or runs than this are a slip of the pen.
-LIMIT = 1_000_000
+LIMIT = 1_000_000  # More values or runs than this are a slip of the pen
 
 Value = bool | int | float | str
 GRID, ZIP = "grid", "zip"
@@ -158,15 +155,12 @@ def _reads_as_number(text: str) -> bool:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSpec:
-    """A sweep's parameters with their values.
+    """A sweep's parameters with their values."""
 
-    Attributes:
-        axes: Values of each parameter that is named, in the text's order.
-        combine: `grid`, every value with every other, the last parameter fastest; or `zip`,
-            first values together, second values together, single values with all.
-    """
-
+    # Values of each parameter that is named, in the text's order.
     axes: Mapping[str, tuple[Value, ...]]
+    # `grid`, every value with every other, the last parameter fastest; or `zip`, first values
+    # together, second values together, single values with all.
     combine: str
 
     def __len__(self) -> int:

@@ -1,7 +1,5 @@
 """An external machine as its driver's topics and services show it, and where its axes stand."""
 
-from __future__ import annotations
-
 import asyncio
 import dataclasses
 import math
@@ -37,16 +35,13 @@ _TURN = 2.0 * math.pi
 _END_SLACK = 0.05
 # A driver that shares its computer may answer late; nothing moves meanwhile [s].
 _START_TIMEOUT = 20.0
-# A client that was made a moment ago may not have found its server yet [s].
-_DISCOVERY = 2.5
-# A brake is released and a drive switched on before the axes move [s].
-_MOTION_PATIENCE = 20.0
+_DISCOVERY = 2.5  # A client that was made a moment ago may not have found its server yet [s]
+_MOTION_PATIENCE = 20.0  # A brake is released and a drive switched on before the axes move [s]
 # A service that stops the machine has so long to answer before it is given up [s].
 _STOP_TIMEOUT = 0.8
 # Then the next one is asked as well: 1.2 s for two, and the failure is reported within two seconds.
 _STOP_HASTE = 0.4
-# So long after the first motion its direction and speed are judged [s].
-_JUDGED = 3.0
+_JUDGED = 3.0  # So long after the first motion its direction and speed are judged [s]
 
 
 class MachineError(GraphError):
@@ -67,18 +62,7 @@ class ExternalMachineConfig:
 
 
 class ExternalMachine(Machine):
-    """Reads a machine's encoders from the buffer of the run, and calls its driver's services.
-
-    Args:
-        config: What is known of it.
-        client: Calls its services.
-        buffer: Has the messages of its driver.
-        clock: Monotonic wall time [s].
-
-    Attributes:
-        axes: With the offsets of this run, once the machine was seen standing.
-        began: Stamp of its first motion [s]; None before.
-    """
+    """Reads a machine's encoders from the buffer of the run, and calls its driver's services."""
 
     name = topics.JOINT_STATES.name
     simulated = False
@@ -92,8 +76,8 @@ class ExternalMachine(Machine):
     ) -> None:
         camera = (topics.CAMERA_INFO,) if config.camera else ()
         super().__init__(client, buffer, topics.JOINT_STATES, topics.TENSION, *camera)
-        self.axes = config.axes
-        self.began: float | None = None
+        self.axes = config.axes  # With the offsets of this run, once the machine was seen standing
+        self.began: float | None = None  # Stamp of its first motion [s]; None before
         self._config = config
         self._clock = clock
         self._reader = AxisReader(self.axes)

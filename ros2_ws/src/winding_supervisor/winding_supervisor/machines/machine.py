@@ -1,7 +1,5 @@
 """What a run asks of its machine, whoever drives it."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 
@@ -22,13 +20,10 @@ class Machine(ABC):
         client: Has the newest diagnostics; calls its services.
         buffer: Has the newest encoder samples.
         sensors: Topics that keep step with each other while the machine winds.
-
-    Attributes:
-        name: What its complaints are about.
-        simulated: Whether its driver is a node of this graph, which can be ended with its drives.
     """
 
-    name: str
+    name: str  # What its complaints are about
+    # Whether its driver is a node of this graph, which can be ended with its drives.
     simulated: bool
 
     def __init__(self, client: AsyncClient, buffer: RunBuffer, *sensors: Topic) -> None:

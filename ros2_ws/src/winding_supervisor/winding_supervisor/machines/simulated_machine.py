@@ -1,7 +1,5 @@
 """The simulated machine as its topics show it: time, phase, and whether its axes stand."""
 
-from __future__ import annotations
-
 from std_srvs.srv import Trigger
 
 from winding_core.machine.incoming_readings import stands
@@ -22,13 +20,7 @@ _SENSORS = (topics.CLOCK, topics.JOINT_STATES, topics.TENSION, topics.CAMERA_INF
 
 
 class SimulatedMachine(Machine):
-    """The rig node of this graph; its axes begin at zero, in radians and metres.
-
-    Args:
-        client: Has the newest diagnostics; calls its services.
-        buffer: Has the newest encoder samples.
-        duration: Simulated length of its run [s].
-    """
+    """The rig node of this graph; its axes begin at zero, in radians and metres."""
 
     name = topics.RIG
     simulated = True

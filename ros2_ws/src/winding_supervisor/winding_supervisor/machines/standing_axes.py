@@ -1,7 +1,5 @@
 """Where an external machine stands before its run, or why no standing machine is seen."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable
 
@@ -19,10 +17,8 @@ from winding_supervisor.processes.discovery import RivalWatch
 
 _POLL = 0.02
 PATIENCE = 30.0
-# Standing readings are looked at for so long [s].
-_LOOK = 0.5
-# So many of the newest messages show which joints a driver has.
-_NAMED = 200
+_LOOK = 0.5  # Standing readings are looked at for so long [s]
+_NAMED = 200  # So many of the newest messages show which joints a driver has
 # Positions of a machine that stands tremble by less than this within a look [rad, m].
 _TREMBLING = (0.01, 2.0e-4)
 
@@ -31,12 +27,6 @@ async def standing_axes(
     node: Node, buffer: RunBuffer, axes: MachineAxes, clock: Callable[[], float]
 ) -> MachineAxes:
     """Wait until a machine is heard and stands; return axes with their offsets there.
-
-    Args:
-        node: Knows the graph.
-        buffer: Has the messages of the driver.
-        axes: Joints, directions and units.
-        clock: Monotonic wall time [s].
 
     Raises:
         GraphError: No driver is heard, its joints have other names, or the machine moves.

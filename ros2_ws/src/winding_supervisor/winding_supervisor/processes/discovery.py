@@ -1,7 +1,5 @@
 """Endpoints of the graph: has every publisher its subscribers, has a topic a second publisher?"""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable, Collection, Iterable
@@ -83,13 +81,7 @@ class Discovery:
 
 
 def outsiders(client: AsyncClient, topic: Topic, own: Collection[str]) -> int:
-    """Return how many subscribers a topic's publisher can have beside those of its own graph.
-
-    Args:
-        client: Knows who subscribes.
-        topic: Of the graph.
-        own: Names of the graph's nodes that may subscribe.
-    """
+    """Return how many subscribers a topic's publisher can have beside those of its own graph."""
     node = client.node
     namespace = node.get_namespace().rstrip("/")
     return sum(

@@ -1,7 +1,5 @@
 """A node of the graph, with a process of its own or attached, and how it is brought up."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Mapping

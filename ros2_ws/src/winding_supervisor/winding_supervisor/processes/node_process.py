@@ -1,7 +1,5 @@
 """One node's process: start, errors in its output, stop by INT, TERM, KILL, pauses of restarts."""
 
-from __future__ import annotations
-
 import asyncio
 import collections
 import os

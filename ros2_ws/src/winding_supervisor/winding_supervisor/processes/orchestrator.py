@@ -1,7 +1,5 @@
 """Start the graph's processes, drive them to active, watch them, stop them in reverse."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 from collections.abc import Callable, Collection, Coroutine, Mapping, Sequence

@@ -3,8 +3,6 @@
 Service orchestrator/next_run: an operator reports that the machine stands ready for another run.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -24,9 +22,6 @@ Parameters = dict[str, dict[str, object]]
 
 class Conduct:
     """One run, which is started here.
-
-    Args:
-        who: Takes part in the session.
 
     Attributes:
         operated: Whether an operator begins runs, as many as they like.
@@ -58,10 +53,6 @@ class Conduct:
 
     def over(self, t: float, *, closed: bool) -> Cause | None:
         """Return why a run is over that supervision has not ended.
-
-        Args:
-            t: When [s].
-            closed: Whether the session is closed.
 
         Returns:
             None for a run that came to its end.
@@ -116,10 +107,7 @@ class NextRun(Conduct):
     operated = True
 
     def __init__(
-        self,
-        who: Participants,
-        machine: ExternalMachine,
-        parameters: Callable[[], Parameters],
+        self, who: Participants, machine: ExternalMachine, parameters: Callable[[], Parameters]
     ) -> None:
         super().__init__(who)
         self._external, self._parameters = machine, parameters

@@ -1,7 +1,5 @@
 """Keeps the operator's page served beside a run, and after its failure."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import time
@@ -196,12 +194,6 @@ async def outlive(
     failure: str, page: DashboardProcess, client: AsyncClient, ended: asyncio.Event
 ) -> None:
     """Keep the page of a failed session served, and its failure in the diagnostics.
-
-    Args:
-        failure: Why the session cannot go on.
-        page: That outlives it.
-        client: The orchestrator's node.
-        ended: Is set when the operator ends the session.
 
     Raises:
         GraphError: The page failed, too.

@@ -1,7 +1,5 @@
 """One graph, and one server of goals, per DDS domain and namespace: a second one is refused."""
 
-from __future__ import annotations
-
 import fcntl
 import getpass
 import os
@@ -64,12 +62,7 @@ def server_lock(domain: int, namespace: str) -> Iterator[None]:
 
 @contextmanager
 def _held(name: str, taken: str) -> Iterator[None]:
-    """Hold a lock file of this user's folder.
-
-    Args:
-        name: Of the file.
-        taken: Refusal of a lock that another process holds.
-    """
+    """Hold a lock file of this user's folder."""
     path = lock_folder() / name
     try:
         path.parent.mkdir(mode=0o700, exist_ok=True)

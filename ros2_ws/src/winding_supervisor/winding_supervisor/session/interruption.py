@@ -1,7 +1,5 @@
 """SIGINT and SIGTERM while an event loop runs: what is open is closed, whatever comes when."""
 
-from __future__ import annotations
-
 import asyncio
 import faulthandler
 import signal
@@ -25,15 +23,11 @@ class Interruption:
     The first cancels the work, which is then closed in order. The second kills the children of
     this process, so that closing waits for none of them. A third cancels once more, should the
     work have missed the first.
-
-    Attributes:
-        hastened: Set by the second signal.
-        signal: Name of the first signal; empty before it.
     """
 
     def __init__(self) -> None:
-        self.hastened = asyncio.Event()
-        self.signal = ""
+        self.hastened = asyncio.Event()  # Set by the second signal
+        self.signal = ""  # Name of the first signal; empty before it
         self._count = 0
         self._loop: asyncio.AbstractEventLoop | None = None
         self._cancel: Callable[[], object] | None = None

@@ -1,7 +1,5 @@
 """Bring the machine to rest when a run is over, and stay at it until it is seen standing."""
 
-from __future__ import annotations
-
 import asyncio
 import time
 from collections.abc import Callable
@@ -15,8 +13,7 @@ from winding_supervisor.machines.machine import Machine
 from winding_supervisor.watch.event_log import EventLog
 
 _POLL = 0.05
-# A machine that was asked to stop has so long to stand [s].
-_STAND_TIMEOUT = 3.0
+_STAND_TIMEOUT = 3.0  # A machine that was asked to stop has so long to stand [s]
 # So often it is asked again, and so often the terminal is reminded [s].
 _AGAIN, _REMINDER = 2.0, 10.0
 _AT_RISK = (Motion.TURNING, Motion.UNKNOWN)

@@ -1,7 +1,5 @@
 """Runs that an operator begins, stops and resets at the simulated machine, which reports them."""
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Mapping
 

@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator
-from contextlib import AsyncExitStack, ExitStack, contextmanager
+from collections.abc import AsyncIterator, Callable, Iterator, Sequence
+from contextlib import AsyncExitStack, ExitStack, asynccontextmanager, contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 
+import numpy as np
+
+from winding_core.machine.commands import TensionCommand
 from winding_core.run_outcome import Cause, EndedBy, RunOutcome
-from winding_recorder.live.recorder import Recorder, RunBuffer
+from winding_recorder.live.recorder import Recorder
+from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.environment import set_process_environment
 from winding_ros.graph import GraphError, Policy
+from winding_ros.messages.commands import encode_tension_command
 from winding_supervisor.machines.external_machine import ExternalMachine, MachineError
 from winding_supervisor.processes.orchestrator import Orchestrator
 from winding_supervisor.session.conduct import Conduct, NextRun
@@ -22,7 +27,6 @@ from winding_supervisor.session.dashboard_process import DashboardProcess, outli
 from winding_supervisor.session.domain_lock import chosen_domain, domain_lock
 from winding_supervisor.session.interruption import Interruption, ended_if_stuck, run_closing
 from winding_supervisor.session.participants import Participants
-from winding_supervisor.session.pull_programme import PullProgramme
 from winding_supervisor.session.rest import Rest
 from winding_supervisor.session.rig_conduct import RigConduct
 from winding_supervisor.session.run_config import (
@@ -43,13 +47,67 @@ from winding_supervisor.session.session import RunResult, Session, View
 from winding_supervisor.watch.event_log import EventLog
 from winding_supervisor.watch.supervisor import RunEndedError, Supervisor, replay_parameters
 
+# Corners of a programme: cylinder angle [rad] and pull [N].
+Corner = tuple[float, float]
+_PERIOD = 0.04
+_WINDING = 1.0e-3  # A machine takes commands once it winds
+_DISCOVERY = 10.0  # A driver's subscription is discovered within so long [s]
+
+
+class PullProgramme:
+    """Publishes rig/tension_command as the cylinder turns.
+
+    Args:
+        client: Its node publishes.
+        buffer: Has the newest encoder samples.
+        corners: At ascending angles, straight lines between; at least one.
+    """
+
+    def __init__(self, client: AsyncClient, buffer: RunBuffer, corners: Sequence[Corner]) -> None:
+        self._buffer = buffer
+        self._angles, self._pulls = (list(column) for column in zip(*corners, strict=True))
+        self._publisher = topics.TENSION_COMMAND.advertise(client.node)
+
+    async def taken(self) -> None:
+        """Wait until the machine listens.
+
+        Raises:
+            GraphError: It does not.
+        """
+        waited = 0.0
+        while not self._publisher.get_subscription_count():
+            if waited >= _DISCOVERY:
+                raise GraphError("the machine does not take rig/tension_command: it has no brake")
+            await asyncio.sleep(_PERIOD)
+            waited += _PERIOD
+
+    @asynccontextmanager
+    async def followed(self) -> AsyncIterator[None]:
+        """Command the pull while the body runs."""
+        task = asyncio.create_task(self._follow())
+        try:
+            yield
+        finally:
+            task.cancel()
+            # What ended it before is an error of the run.
+            with suppress(asyncio.CancelledError):
+                await task
+
+    async def _follow(self) -> None:
+        while True:
+            newest = self._buffer.newest_axis_reading()
+            if newest is not None and newest[1].cylinder_angle > _WINDING:
+                pull = float(np.interp(newest[1].cylinder_angle, self._angles, self._pulls))
+                self._publisher.publish(encode_tension_command(TensionCommand(t=0.0, force=pull)))
+            await asyncio.sleep(_PERIOD)
+
+
 Report = Callable[[str], None]
 Deliver = Callable[[RunResult], RunOutcome | None]
 
 # A machine that does not stop is asked for so long where no operator is present [s].
 _UNATTENDED = 10.0
-# The middleware has so long to close; Fast DDS has been seen in a deadlock [s].
-_CLOSING = 20.0
+_CLOSING = 20.0  # The middleware has so long to close; Fast DDS has been seen in a deadlock [s]
 
 
 @contextmanager
@@ -77,16 +135,11 @@ def opened_run(config: RunConfig) -> Iterator[Run]:
 
 
 class Run:
-    """A run, or a session of runs, whose domain and folder are its own.
-
-    Attributes:
-        config: Of the run; its directory is the folder that was made.
-        middleware: What is left to close when everything is written.
-    """
+    """A run, or a session of runs, whose domain and folder are its own."""
 
     def __init__(self, config: RunConfig) -> None:
-        self.config = config
-        self.middleware = ExitStack()
+        self.config = config  # Of the run; its directory is the folder that was made
+        self.middleware = ExitStack()  # What is left to close when everything is written
         self._log = EventLog(file=config.directory / "events.jsonl")
         self._recorder: Recorder | None = None
         self._session: Session | None = None

@@ -1,7 +1,5 @@
 """From what a run is to what its graph is run with, and what is refused before it starts."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -30,8 +28,7 @@ from winding_ros.runtime.parameter_files import check_readable, declared_names, 
 from winding_supervisor.machines.external_machine import ExternalMachineConfig
 from winding_supervisor.session.domain_lock import chosen_domain
 
-# Parameters of those nodes that read the machine's axes.
-Axes = Mapping[str, object]
+Axes = Mapping[str, object]  # Parameters of those nodes that read the machine's axes
 # The machine stops when the orchestrator has given no sign of life for so long.
 _SUPERVISOR_TIMEOUT = 1.5
 

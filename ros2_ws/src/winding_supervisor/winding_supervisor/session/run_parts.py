@@ -1,7 +1,5 @@
 """The parts of a configured run: recorder, machine, graph, page, URDF, trace."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from typing import Any

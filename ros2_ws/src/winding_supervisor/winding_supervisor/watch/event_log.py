@@ -1,7 +1,5 @@
 """What supervision saw and did, and why the run ended, one line of JSON for each event."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable

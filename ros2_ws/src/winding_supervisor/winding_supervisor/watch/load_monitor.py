@@ -1,7 +1,5 @@
 """How a running graph does: rates, latency from frame to corrected length, load of each process."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np
@@ -17,16 +15,11 @@ _MEBIBYTE = 2.0**20
 
 
 class LoadMonitor:
-    """Measures what has come since the last look.
-
-    Attributes:
-        buffer: Messages of the graph so far.
-        lost_frames: Frames missing between those that came, since the beginning.
-    """
+    """Measures what has come since the last look."""
 
     def __init__(self, buffer: RunBuffer) -> None:
-        self.buffer = buffer
-        self.lost_frames = 0
+        self.buffer = buffer  # Messages of the graph so far
+        self.lost_frames = 0  # Frames missing between those that came, since the beginning
         self._seen: dict[str, int] = {
             name: messages.taken for name, messages in buffer.messages.items()
         }
@@ -34,12 +27,7 @@ class LoadMonitor:
         self._processes: dict[str, psutil.Process] = {}
 
     def look(self, now: float, pids: Mapping[str, int]) -> tuple[Level, str, dict[str, str]]:
-        """Return level, sentence and values at wall time `now` [s].
-
-        Args:
-            now: Wall time [s].
-            pids: Process ids by node.
-        """
+        """Return level, sentence and values at wall time `now` [s]."""
         span = now - self._last if self._last is not None else 0.0
         self._last = now
         values = self._latency()

@@ -1,7 +1,5 @@
 """Do the machine's topics keep step with each other? Pure: stamps in, findings out."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from statistics import median
@@ -9,8 +7,7 @@ from statistics import median
 # Simulated time that a topic may lie behind the others [s]; readers may lag by 0.25 s as a whole,
 # topics among each other by less.
 _LAG = 0.12
-# Simulated time that a topic may lie ahead of the others [s].
-_LEAD = 0.5
+_LEAD = 0.5  # Simulated time that a topic may lie ahead of the others [s]
 # Wall time for which it has to do so [s]; one that lies behind has to stand still as well, for a
 # busy machine or disk makes topics late without silencing them.
 _PATIENCE = 2.0

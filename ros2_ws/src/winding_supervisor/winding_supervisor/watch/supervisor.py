@@ -1,7 +1,5 @@
 """Watch a running graph: notice what fails, stop the machine first, then act by the policy."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import time

@@ -4,8 +4,6 @@ The true cable is the rig's own lay or the explicit rod; what the tracker measur
 errors that were measured of the real one.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
@@ -45,8 +43,7 @@ _MARKER_SEEN = (0.05, 1.2)
 _PLACE = math.radians(5.0)
 _PLACES = 864
 
-# Samples of the machine between two advances of the rod.
-_ROD_STRIDE = 10
+_ROD_STRIDE = 10  # Samples of the machine between two advances of the rod
 
 
 class RodTruth:
@@ -197,19 +194,16 @@ class SimulatedTracker:
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedRun:
-    """What is run.
-
-    Attributes:
-        markers: Wound angle at which a marker is wanted [rad], by marker.
-        control: How the lay is controlled.
-    """
+    """What is run."""
 
     what: ResolvedCondition  # Condition
     wanted: WantedLay  # Lay that is wanted
+    # Wound angle at which a marker is wanted [rad], by marker.
     markers: Mapping[int, float] = field(default_factory=dict)
     end: float  # Wound angle at which the run ends [rad]
     truth: str  # rod, or driven: which cable is the true one
     hidden: HiddenRig  # The rig
+    # How the lay is controlled.
     control: ControlParameters = field(default_factory=ControlParameters)
     mode: ControlMode = ControlMode.DRIVE  # DRIVE, or WATCH for the open loop
     errors: CameraErrors = field(default_factory=CameraErrors)  # Of the tracker
@@ -222,12 +216,9 @@ class ClosedRun:
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedResult:
-    """Where the cable landed.
+    """Where the cable landed."""
 
-    Attributes:
-        marker_theta: Wound angles of P1 and on [rad], shape (m,); nan for one that never landed.
-    """
-
+    # Wound angles of P1 and on [rad], shape (m,); nan for one that never landed.
     marker_theta: Array
     marker_error: Array  # z less the wanted z there [m], shape (m,)
     theta: Array  # Wound angles [rad], shape (n,)
@@ -265,11 +256,7 @@ def wind(run: ClosedRun) -> ClosedResult:
     duration = 2.0 * drive.time_at_angle(run.end)
     machine = Machine(
         MachineConfig(
-            case=case,
-            drive=drive,
-            duration=duration,
-            cylinder=cylinder_axis(case),
-            commands=limits,
+            case=case, drive=drive, duration=duration, cylinder=cylinder_axis(case), commands=limits
         ),
         rng,
     )

@@ -1,7 +1,5 @@
 """The twelve cases under hidden rigs, with the loop closed and open: where the markers land."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -38,14 +36,11 @@ MODES = {"closed": ControlMode.DRIVE, "open": ControlMode.WATCH}
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedLoopConfig:
-    """What is wound.
-
-    Attributes:
-        truths: driven, rod or both: which cables are the true ones.
-    """
+    """What is wound."""
 
     cases: tuple[int, ...]  # Rows of Table 1
     draws: int  # Hidden rigs of each case
+    # driven, rod or both: which cables are the true ones.
     truths: tuple[str, ...] = ("driven", "rod")
     first_seed: int = 0  # Of the hidden rigs
     brake: bool = False  # Whether a brake lands markers at angles that are within its reach
@@ -57,12 +52,7 @@ class ClosedLoopConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ClosedLoopRow:
-    """One run: what was hidden, and how far the cable lies from the even helix.
-
-    Attributes:
-        marker_miss: Angle of P1 and on less the wanted one [rad], shape (m,); nan for one that has
-            not landed, empty without a brake.
-    """
+    """One run: what was hidden, and how far the cable lies from the even helix."""
 
     case: int  # Row of Table 1
     seed: int  # Of the hidden rig
@@ -70,6 +60,8 @@ class ClosedLoopRow:
     mode: str  # closed or open
     marker_error: Array  # z less the helix at P1 and on [m], shape (m,); nan for one not landed
     turn_rms: Array  # Of each complete turn [m], shape (n,)
+    # Angle of P1 and on less the wanted one [rad], shape (m,); nan for one that has not landed,
+    # empty without a brake.
     marker_miss: Array
     expected_miss: Array  # Two deviations of each as predicted beforehand [rad]; shape as above
     free_length: float  # Hidden [m]

@@ -1,7 +1,5 @@
 """What `winding study --closed-loop` prints and writes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -41,9 +39,7 @@ def closed_loop(
             processes=processes,
             progress=lambda done, runs: show(completed=done, total=runs),
         )
-    result_console().print(
-        verdict(rows, LayTolerance.lay_tolerance), highlight=False, soft_wrap=True
-    )
+    result_console().print(verdict(rows, LayTolerance.lay_tolerance), soft_wrap=True)
     result_console().print(
         _table(
             f"|z - even helix| in mm over {len(cases)} cases and {draws} hidden rigs of each: "

@@ -30,7 +30,7 @@ def verify(
     external: Annotated[
         Path | None,
         typer.Option(
-            help="Other people's experiments instead: cosseratbench, DEFORM, a capstan's table.",
+            help="Other people's experiments instead: cosseratbench, DEFORM, a capstan's table."
         ),
     ] = None,
     json_file: Json = None,
@@ -95,7 +95,7 @@ def _compare_external(folder: Path, names: Sequence[str]) -> tuple[bool, list[di
     kept = sum(row.passed for row in judged)
     console.print(f"{kept} of {len(judged)} quantities within their bar")
     if others:
-        console.print(f"not compared: {', '.join(others)}", highlight=False)
+        console.print(f"not compared: {', '.join(others)}")
     return kept == len(judged), [row.record() for row in rows]
 
 

@@ -1,7 +1,5 @@
 """`python -m winding_verification.commissioning`: hidden cells, commissioned one by one."""
 
-from __future__ import annotations
-
 import argparse
 
 from winding_verification.commissioning.study import commissioned_cell, study_text

@@ -4,8 +4,6 @@ A cell is drawn from the prior. The rod winds it with finer elements than the fi
 tension of the hidden machine; what a tracker would measure of it has the errors of `CameraErrors`.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from dataclasses import dataclass
@@ -22,13 +20,7 @@ from cable_fem_node.identification import (
     TrackedRun,
     identify_rig,
 )
-from cable_fem_node.identification.rig import (
-    Numbers,
-    numbers_of,
-    opened,
-    unknowns_of,
-    with_ratios,
-)
+from cable_fem_node.identification.rig import Numbers, numbers_of, opened, unknowns_of, with_ratios
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_rod import rod_places, rod_run
 from cable_fem_node.winding.rig_prior import CELL
@@ -44,8 +36,7 @@ from winding_verification.closed_loop.run import CameraErrors
 
 Array = NDArray[np.float64]
 
-# Elements of the hidden cell over those of the fit.
-_FINER = 0.8
+_FINER = 0.8  # Elements of the hidden cell over those of the fit
 # A marker that moves so far after it was first seen counts as slipped, and is not used [rad].
 _SLIPPED = 8.0e-3
 _LOAD_CELL = 0.01  # Noise of a reading of the pull [N]

@@ -1,7 +1,5 @@
 """Tables of evidence in `winding study`: markers within a run, the K-NN under simulated noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

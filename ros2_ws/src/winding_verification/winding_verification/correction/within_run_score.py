@@ -15,8 +15,7 @@ from correction_node.models.dataset import Array, LengthCell, case_numbers
 LEVEL = 0.9
 # Search range of L_c [m]: from "grown out after one spacing" to "still growing at the end".
 _SHORTEST, _LONGEST = 0.01, 1.0
-# A millimetre in L_c moves no length by more than 0.01 %.
-_RESOLUTION = 1.0e-4
+_RESOLUTION = 1.0e-4  # A millimetre in L_c moves no length by more than 0.01 %
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,10 +87,7 @@ def fit_build_up(runs: RunTable) -> float:
         return float(np.nansum((runs.measured / expected - 1.0) ** 2))
 
     found = minimize_scalar(
-        loss,
-        bounds=(_SHORTEST, _LONGEST),
-        method="bounded",
-        options={"xatol": _RESOLUTION},
+        loss, bounds=(_SHORTEST, _LONGEST), method="bounded", options={"xatol": _RESOLUTION}
     )
     return float(found.x)
 
@@ -171,21 +167,17 @@ class WithinRunCell:
 
 @dataclass(frozen=True, kw_only=True)
 class WithinRunScore:
-    """The law within a run beside its plain rivals, in percent of the predicted length.
-
-    Attributes:
-        held_out_pct: Mean error over the cells, L_c from the other eleven cases.
-        rivals_pct: Mean error over the same cells of each plain rival, by name; nothing learned.
-    """
+    """The law within a run beside its plain rivals, in percent of the predicted length."""
 
     measured: int  # How many markers of each run are given, P1 first
     build_up_length: float  # L_c [m] from all cases
     in_sample_pct: float  # Mean error over the cells, L_c from all cases
-    held_out_pct: float
+    held_out_pct: float  # Mean error over the cells, L_c from the other eleven cases
     by_marker_pct: dict[int, float]  # The same by marker
     worst: WithinRunCell  # The held-out cell with the largest error
     coverage: float  # Share of the cells within their interval
     half_width_pct: float  # Mean half-width of the intervals
+    # Mean error over the same cells of each plain rival, by name; nothing learned.
     rivals_pct: dict[str, float]
     cells: tuple[WithinRunCell, ...]  # Every held-out cell
 

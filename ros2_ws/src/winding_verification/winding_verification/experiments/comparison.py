@@ -1,7 +1,5 @@
 """The experiments of cosseratbench in a folder: ours beside the figures that it published."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator
 from functools import partial
@@ -39,10 +37,8 @@ _BARS = {
     "amplitude_change": 1.0e-3,
     "critical_twist_error": 5.0e-3,
 }
-# A rope that holds moves by less [m], one that does not by more.
-_HOLDS, _SLIDES = 2.0e-4, 1.0e-2
-# What varies the solver and not the experiment.
-_OF_THE_SOLVER = ("resolution", "time_step_scale")
+_HOLDS, _SLIDES = 2.0e-4, 1.0e-2  # A rope that holds moves by less [m], one that does not by more
+_OF_THE_SOLVER = ("resolution", "time_step_scale")  # What varies the solver and not the experiment
 
 
 def found_experiments(

@@ -1,7 +1,5 @@
 """A stiff rod on a capstan: what it holds at one end over what it is pulled with at the other."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterator, Sequence
@@ -126,8 +124,7 @@ LIMITS = {
     "stiffness": (1.0e-4, 1.0),
     "force_ratio": (0.5, 50.0),
 }
-# What a table read off a figure allows; the rod is within 0.6 % of the closed form.
-_BAR = 2.0e-2
+_BAR = 2.0e-2  # What a table read off a figure allows; the rod is within 0.6 % of the closed form
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,5 @@
 """DEFORM's cables: fitted on their training runs, judged by its loss on the held-out ones."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Iterator, Sequence
@@ -28,19 +26,15 @@ _ROUNDS = 20  # of moving nodes until the gaps between them are right
 
 @dataclass(frozen=True, kw_only=True)
 class HeldCable:
-    """What a cable is, by its mass.
-
-    Attributes:
-        natural: Unstressed curvature about the horizontal y axis and across it, at the start's
-            clamp and evenly along the cable, two numbers [1/m].
-        own: Share of the first frame's shape beyond `natural` that is unstressed, 0 to 1.
-    """
+    """What a cable is, by its mass."""
 
     bending: float  # EI / (rho A) [m^4/s^2]
     viscosity: float  # Of bending [s]
     drag: float  # Of the air [1/s]
+    # Unstressed curvature about the horizontal y axis and across it, at the start's clamp and
+    # evenly along the cable, two numbers [1/m].
     natural: tuple[float, float]
-    own: float
+    own: float  # Share of the first frame's shape beyond `natural` that is unstressed, 0 to 1
 
 
 def predict(run: FloatArray, gaps: FloatArray, cable: HeldCable) -> FloatArray:

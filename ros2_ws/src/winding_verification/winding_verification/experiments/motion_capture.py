@@ -5,8 +5,6 @@ lists (frames, 3, markers) of coordinates [m], z up, 100 frames a second. The fi
 two markers move with the grippers.
 """
 
-from __future__ import annotations
-
 import pickle
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,15 +28,12 @@ _NUMBERS = {
 
 @dataclass(frozen=True, kw_only=True)
 class CapturedCable:
-    """The runs of one cable.
-
-    Attributes:
-        published: Least evaluation loss in the files beside it [m]; None if there is none.
-    """
+    """The runs of one cable."""
 
     name: str  # Of its folder
     train: tuple[FloatArray, ...]  # Runs to fit on, each (frames, markers, 3) [m]
     held_out: tuple[FloatArray, ...]  # Runs of the evaluation, the same
+    # Least evaluation loss in the files beside it [m]; None if there is none.
     published: float | None
 
 

@@ -1,7 +1,5 @@
 """Scenarios of cosseratbench: what its folders describe, and a row of what is compared."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Mapping
@@ -61,11 +59,7 @@ class Obstacle:
 
 @dataclass(frozen=True, kw_only=True)
 class Scenario:
-    """One variant of an experiment.
-
-    Attributes:
-        published: Metrics of other solvers beside it, by solver.
-    """
+    """One variant of an experiment."""
 
     experiment: str  # Its name
     values: Mapping[str, float]  # Its parameters
@@ -74,6 +68,7 @@ class Scenario:
     gravity: FloatArray  # (3,) [m/s^2]
     duration: float  # [s]
     quasi_static: bool  # Whether damping may be added
+    # Metrics of other solvers beside it, by solver.
     published: Mapping[str, Mapping[str, float | None]]
 
     @property
@@ -209,11 +204,7 @@ def _positive(name: str, entry: Any) -> float:
 
 @dataclass(frozen=True, kw_only=True)
 class ExternalRow:
-    """One quantity of one experiment.
-
-    Attributes:
-        published: Of others, by solver; None for what they could not compute.
-    """
+    """One quantity of one experiment."""
 
     experiment: str  # Its name
     variant: str  # Its parameters
@@ -221,6 +212,7 @@ class ExternalRow:
     computed: float  # With this project's rod
     bar: float | None = None  # What its magnitude is held against; None for what is only reported
     at_least: bool = False  # Whether it must reach the bar, instead of staying below it
+    # Of others, by solver; None for what they could not compute.
     published: Mapping[str, float | None] = field(default_factory=dict)
 
     @property

@@ -1,7 +1,5 @@
 """The table of faults and the runs that a seed draws, one after the other, as `winding faults`."""
 
-from __future__ import annotations
-
 import json
 import random
 import re
@@ -14,8 +12,7 @@ from winding_core.run_outcome import EndedBy
 from winding_verification.faults.judgement import disagreements
 from winding_verification.faults.trial import Account, Fault, Plan, Trial
 
-# Of both axes, after the detection [s].
-STAND_WITHIN = 0.5
+STAND_WITHIN = 0.5  # Of both axes, after the detection [s]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,11 +41,7 @@ def _row(
 ) -> Row:  # fmt: skip
     put_in = [Fault(at=float(at), what=what) for at, _, what in (f.partition(" ") for f in faults)]
     plan = Plan(
-        name=name,
-        faults=tuple(put_in),
-        foreign=foreign,
-        options=tuple(options),
-        duration=duration,
+        name=name, faults=tuple(put_in), foreign=foreign, options=tuple(options), duration=duration
     )
     return Row(plan=plan, reported=tuple(reported), **expected)  # type: ignore[arg-type]
 
@@ -201,8 +194,7 @@ _MACHINE = (
     *("goes back in time", "shifts its clock", "sends NaN"),
 )
 _SIGNALS = ("INT", "TERM", "INT INT", "TERM TERM", "INT TERM")
-# Of the faults so many come while the nodes are started.
-_EARLY, _START_TAKES = 0.15, 8.0
+_EARLY, _START_TAKES = 0.15, 8.0  # Of the faults so many come while the nodes are started
 
 
 def draw_plans(count: int, seed: int) -> list[Plan]:

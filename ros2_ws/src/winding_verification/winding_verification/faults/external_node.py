@@ -1,7 +1,5 @@
 """A node from outside the graph, as a process: external_node.py NAMESPACE ROLE [WORDS]."""
 
-from __future__ import annotations
-
 import json
 import sys
 import time
@@ -86,9 +84,7 @@ def _call(node: Node, name: str) -> None:
 def _mismatch(node: Node) -> None:
     """Subscribe with a quality of service that is not offered; report what the machine reports."""
     wanted = QoSProfile(
-        depth=1,
-        reliability=ReliabilityPolicy.RELIABLE,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
     )
     node.create_subscription(
         topics.JOINT_STATES.type, topics.JOINT_STATES.name, lambda _message: None, wanted

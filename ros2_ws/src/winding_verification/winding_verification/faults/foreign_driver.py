@@ -20,8 +20,7 @@ _STOPS = ("stop", "quick_stop")
 # A turn of so much between two samples is no motion [rad].
 _JUMP = 1.9
 _SHIFT, _BACK = 0.7, -0.4
-# Samples out of order, or without numbers.
-_BURST = 60
+_BURST = 60  # Samples out of order, or without numbers
 
 
 class UnansweredError(Exception):

@@ -1,7 +1,5 @@
 """Does the outcome of a run agree with what an observer saw, and with what was put in?"""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -45,10 +43,8 @@ _FINISHED = (Verdict.GOOD, Verdict.NOT_GOOD, Verdict.NOT_JUDGED)
 # Samples are on their way to two readers, and a signal to a process [turns].
 _SLACK = 0.03
 _SILENCED = re.compile("(kill|hold) driver")
-# Faults of the last second may come too late to be noticed [s].
-_NOTICED = 1.5
-# Exit codes of runs that have not failed, by who ended them.
-_CODES = {EndedBy.SIGNAL: (1, 130)}
+_NOTICED = 1.5  # Faults of the last second may come too late to be noticed [s]
+_CODES = {EndedBy.SIGNAL: (1, 130)}  # Exit codes of runs that have not failed, by who ended them
 
 
 def disagreements(plan: Plan, account: Account) -> list[str]:

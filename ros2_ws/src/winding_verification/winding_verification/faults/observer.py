@@ -4,8 +4,6 @@ It shares no code with what it watches: it reads the encoders from DDS, and take
 positions. It prints `ready`, `moves` at the first motion, and its account after the line `ended`.
 """
 
-from __future__ import annotations
-
 import json
 import math
 import sys
@@ -20,12 +18,9 @@ from rclpy.node import Node
 from rclpy.qos import qos_profile_sensor_data
 from sensor_msgs.msg import JointState
 
-# The axes stand when the cylinder turns by less [rad] within so long [s].
-_STILL, _LOOK = 0.01, 0.3
-# No cylinder turns so far between two samples [rad].
-_JUMP = 0.5
-# Nothing is known of a machine that is silent for so long [s].
-_SILENT = 0.6
+_STILL, _LOOK = 0.01, 0.3  # The axes stand when the cylinder turns by less [rad] within so long [s]
+_JUMP = 0.5  # No cylinder turns so far between two samples [rad]
+_SILENT = 0.6  # Nothing is known of a machine that is silent for so long [s]
 
 
 class Observer:

@@ -1,7 +1,5 @@
 """One run in processes of its own, the faults that are put into it, and what an observer saw."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """General rod model: an open chain of extensible, bending (and twisting) elements."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
@@ -70,10 +68,6 @@ class Rod(ExplicitModel):
         twist: Give every element a twist angle and material frames. Needed for torsion, for
             rods that are curved when unstressed, and for bending coupled with torsion.
         curved: With `twist`: the nodes' shape is the unstressed one; else a straight rod is.
-
-    Attributes:
-        viscosity: Of bending, with `twist` [s]: moments grow by EI times it times the rate of
-            curvature (Kelvin and Voigt).
     """
 
     def __init__(
@@ -126,6 +120,8 @@ class Rod(ExplicitModel):
             spin_free=np.concatenate([[0.0], np.ones(count), [0.0]]),
         )
         self._scratch = frames_along(walled)
+        # Of bending, with `twist` [s]: moments grow by EI times it times the rate of curvature
+        # (Kelvin and Voigt).
         self.viscosity = 0.0
         self._curved = curved
         if curved:
@@ -157,10 +153,6 @@ class Rod(ExplicitModel):
 
     def turn(self, end: str, angle: float) -> None:
         """Turn the clamp of the "start" or "end" of a rod with `twist` about its direction.
-
-        Args:
-            end: Which one.
-            angle: From where it was clamped [rad].
 
         Raises:
             ValueError: The end is not clamped, or the rod has no twist.

@@ -7,8 +7,6 @@ EI, one GJ. Curvature binormal at a node between tangents t, u: kb = 2 t x u / (
 circle of chords l has |kb| = 2 tan(phi / 2).
 """
 
-from __future__ import annotations
-
 import math
 from typing import NamedTuple
 
@@ -16,13 +14,7 @@ import numpy as np
 
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions, amplitude_at, move
-from cable_fem_node.dynamics.state import (
-    LOSS_DAMPING,
-    WORK_SPAN,
-    ContactLaw,
-    FloatArray,
-    Points,
-)
+from cable_fem_node.dynamics.state import LOSS_DAMPING, WORK_SPAN, ContactLaw, FloatArray, Points
 from cable_fem_node.rod.rod_kernels import bend_end, bend_nodes, element_force, stretch_elements
 from cable_fem_node.rod.rod_records import AxialResponse, Work
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW

@@ -4,8 +4,6 @@ Stiffness comes from central differences of the model's forces, so statics and f
 the very elements that the explicit integration uses.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

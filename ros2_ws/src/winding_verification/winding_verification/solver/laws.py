@@ -1,7 +1,5 @@
 """Material laws: uniaxial, shear, volume change, general deformation, limit loads."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

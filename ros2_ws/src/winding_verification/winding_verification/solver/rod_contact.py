@@ -1,7 +1,5 @@
 """Rods on the rigid cylinder: capstan, stored tension, sliding, drape."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

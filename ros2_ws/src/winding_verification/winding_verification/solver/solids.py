@@ -1,7 +1,5 @@
 """Solids: element tests, bars against CalculiX, hourglass control, stable step."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

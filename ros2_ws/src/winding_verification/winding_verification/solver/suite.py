@@ -1,7 +1,5 @@
 """The verification suite: what problems are given, what they compute, and its references."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Iterator, Sequence

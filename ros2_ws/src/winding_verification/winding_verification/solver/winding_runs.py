@@ -1,7 +1,5 @@
 """Winding: geometry, drive, fleet angle, quasi-static runs, lateral slip."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -4,8 +4,6 @@ Zero turning, steps of the tension, a guide that jumps: the same entry points, k
 constants as in a run, so that a wrong coefficient in them shows here.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any
@@ -23,10 +21,8 @@ from winding_core.cable.cases import Case, Material
 from winding_core.machine.readings import AxisReading
 from winding_verification.solver.suite import Values
 
-# Rounds of Gauss and Newton; five would do.
-ROUNDS = 12
-# Factor on the bending stiffness of a cable that only pulls.
-LIMP = 1.0e-3
+ROUNDS = 12  # Rounds of Gauss and Newton; five would do
+LIMP = 1.0e-3  # Factor on the bending stiffness of a cable that only pulls
 # Hourglass stiffness as a share of the shear modulus, as `Solid` documents it.
 HOURGLASS = 0.1
 SOLID_CASE = Case(cylinder_diameter=0.1, cable_diameter=2.0e-3, weight=0.5, marker_spacing=0.1)

@@ -1,7 +1,5 @@
 """Evaluate the tracker: python -m winding_verification.tracker films 1001 1007, or sightings."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator
 from typing import TypeVar

@@ -1,7 +1,5 @@
 """The estimator on sightings that are drawn from its own model, with one or two wrong numbers."""
 
-from __future__ import annotations
-
 import itertools
 import math
 import time
@@ -17,8 +15,7 @@ from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import Seen
 from winding_verification.tracker.scenes import World, WrongNumber, every_number
 
-# Within these azimuths bands are measured [rad].
-_USABLE = 1.08
+_USABLE = 1.08  # Within these azimuths bands are measured [rad]
 
 
 def sightings(
@@ -90,8 +87,7 @@ def quick(world: World) -> World:
     return replace(world, fps=20.0)
 
 
-# Pairs of wrong numbers of each run.
-_PAIRS = 4
+_PAIRS = 4  # Pairs of wrong numbers of each run
 
 
 @dataclass(frozen=True, kw_only=True)

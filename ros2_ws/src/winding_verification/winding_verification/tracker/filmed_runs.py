@@ -1,7 +1,5 @@
 """The tracker on filmed runs with one wrong number each: what is named, what is published."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections import Counter
