@@ -4,7 +4,7 @@ from typing import Any
 
 from axe_playwright_python.sync_playwright import Axe
 
-# Of axe's four grades these two keep somebody from reading or from operating.
+# Of axe's four grades these two keep a user from reading or from operating.
 _GRAVE = ("serious", "critical")
 
 

@@ -72,7 +72,7 @@ class Tab:
         self.page.wait_for_function(script)
 
     def phase(self, text: str) -> None:
-        """Wait until the band says what the machine does."""
+        """Wait until the band shows what the machine does."""
         self.wait_for(
             "document.querySelector('[data-part=state] .word')?.innerText.toLowerCase() === "
             f"'{text}'"
@@ -131,7 +131,7 @@ class Tab:
                     raise
                 self.page.wait_for_load_state()
 
-    def strangers(self, url: str) -> list[str]:
+    def foreign_requests(self, url: str) -> list[str]:
         """Return who else was asked for something."""
         own = (url, url.replace("http", "ws"), "data:", "blob:")
         return [asked for asked in self.asked if not asked.startswith(own)]

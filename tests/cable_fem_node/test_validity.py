@@ -142,7 +142,7 @@ def test_elements_of_the_chosen_length_are_short_enough(what: WindingConfig) -> 
 
 
 @pytest.mark.parametrize(("pitches", "over"), [(0.99, 3), (1.3, 1), (4.0, 0)])
-def test_first_turns_that_lie_on_each_other_are_said(pitches: float, over: int) -> None:
+def test_first_turns_that_lie_on_each_other_are_reported(pitches: float, over: int) -> None:
     # The span turns the cylinder by 2.48 rad until it follows the guide: of the pitch the first
     # turn advances 0.64, the others 0.97 and 0.998; the linear law winds cable that does not thin.
     what = config(0.15, 0.010, 60.0, 20.0e6)

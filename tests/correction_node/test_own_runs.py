@@ -219,17 +219,17 @@ def _spoil(rows: list[dict[str, float | str]], how: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("how", "says"), [("millimetres", "are units mixed"), ("swapped", "columns swapped")]
+    ("how", "sentence"), [("millimetres", "are units mixed"), ("swapped", "columns swapped")]
 )
-def test_bad_tables_are_refused(how: str, says: str, tmp_path: Path) -> None:
+def test_bad_tables_are_refused(how: str, sentence: str, tmp_path: Path) -> None:
     rows = hidden_runs(1)
     _spoil(rows, how)
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(ValueError, match=sentence):
         load_own_runs(write(tmp_path / "runs.csv", rows))
 
 
 @pytest.mark.parametrize(
-    ("how", "run", "says"),
+    ("how", "run", "sentence"),
     [
         ("mixed units", 4, "are units mixed"),
         ("NaN", 4, "theta_rad must be finite, got nan"),
@@ -237,20 +237,20 @@ def test_bad_tables_are_refused(how: str, says: str, tmp_path: Path) -> None:
     ],
 )
 def test_a_bad_run_is_left_out_with_its_reason(
-    how: str, run: int, says: str, tmp_path: Path
+    how: str, run: int, sentence: str, tmp_path: Path
 ) -> None:
     rows = hidden_runs(1)
     good = load_own_runs(write(tmp_path / "good.csv", rows)).cells
     _spoil(rows, how)
     found = load_own_runs(write(tmp_path / "runs.csv", rows))
     (refusal,) = found.refused
-    assert says in refusal
+    assert sentence in refusal
     kept = [cell.s_exp for cell in good if cell.case != run + 1]
     assert [cell.s_exp for cell in found.cells] == kept
 
 
 @pytest.mark.parametrize(
-    ("verdict", "complete", "losses", "markers", "says"),
+    ("verdict", "complete", "losses", "markers", "sentence"),
     [
         ("incomplete", False, [], True, "run a is incomplete: why"),
         ("failed", True, [], True, "run a is failed: why"),
@@ -260,7 +260,7 @@ def test_a_bad_run_is_left_out_with_its_reason(
     ],
 )
 def test_unfit_runs_are_refused(
-    verdict: str, complete: bool, losses: list[str], markers: bool, says: str, tmp_path: Path
+    verdict: str, complete: bool, losses: list[str], markers: bool, sentence: str, tmp_path: Path
 ) -> None:
     condition = {
         "cylinder_diameter_mm": 30.0, "cable_diameter_mm": 4.0, "tension_n": 3.9,
@@ -279,5 +279,5 @@ def test_unfit_runs_are_refused(
     }
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "run.json").write_text(json.dumps(record))
-    with pytest.raises(ValueError, match=says):
+    with pytest.raises(ValueError, match=sentence):
         load_own_runs(tmp_path)

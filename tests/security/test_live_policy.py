@@ -136,7 +136,7 @@ def test_a_run_with_page_and_controller_keeps_to_its_policy(ros: Any, tmp_path: 
         (OUTSIDER, "services", "request", f"/{namespace}/rig/start"),
         (OUTSIDER, "services", "request", f"/{namespace}/dashboard/get_parameters"),
     }
-    # A run without them lends their rights to nobody.
+    # A run without them lends their rights to no one.
     for less, node in (
         (Participants(graph=controlled()), "dashboard"),
         (Participants(page=True), topics.LAY_CONTROL),

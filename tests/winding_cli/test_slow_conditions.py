@@ -1,4 +1,4 @@
-"""A cell file's solver reaches the node and `winding predict`; a slow run is told so."""
+"""A cell file's solver reaches the node and `winding predict`; a slow run is announced."""
 
 from pathlib import Path
 

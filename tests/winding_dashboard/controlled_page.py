@@ -45,7 +45,7 @@ def off_by(theta: np.ndarray) -> np.ndarray:
 
 
 def measured_lay(theta: float) -> LayRecords:
-    """Return what the tracker says of every turn behind a wound angle [rad]."""
+    """Return what the tracker reports of every turn behind a wound angle [rad]."""
     at = np.radians(np.arange(2.5, math.degrees(theta), 5.0))
     lay = np.zeros(at.size, LAY_DTYPE)
     lay["theta"], lay["turn"] = at, at // math.tau
@@ -63,7 +63,7 @@ def markers(theta: float) -> Markers:
 
 
 def note_run(state: ViewState, theta: float, mode: ControlMode, *, step: float = 0.1) -> None:
-    """Give a state what the graph says of a run up to a wound angle [rad]."""
+    """Give a state what the graph reports of a run up to a wound angle [rad]."""
     before = 0.0 if state.control.newest is None else float(state.control.newest["theta"])
     for angle in np.append(np.arange(before, theta, step), theta):
         record = np.zeros(1, LAY_CONTROL_DTYPE)

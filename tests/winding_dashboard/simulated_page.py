@@ -165,7 +165,7 @@ class Desk:
         return dict(answer.json())
 
     def ask(self, path: str, **more: Any) -> str:
-        """Ask for something, as one who sees the present; return what the page says."""
+        """Ask for something, as one who sees the present; return what the page shows."""
         seen = self.look()
         body = {"server": seen["server"], "sequence": seen["sequence"], **more}
         answer = self.request("POST", path, json=body)

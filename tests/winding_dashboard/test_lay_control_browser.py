@@ -22,7 +22,7 @@ def test_panel_fits_and_nobody_complains(
     tab.shoot(pictures, f"controlled-{where}")
     assert tab.misfits() == []
     assert tab.complaints == []
-    assert tab.strangers(controlled_page.url) == []
+    assert tab.foreign_requests(controlled_page.url) == []
     # Further tabs take what the next one needs.
     tab.page.close()
 

@@ -152,7 +152,7 @@ def test_recording_again_goes_into_another_bag(
         tab.shoot(pictures, f"operated-{name}")
         assert tab.misfits() == []
         assert tab.complaints == []
-        assert tab.strangers(run.url) == []
+        assert tab.foreign_requests(run.url) == []
     phone.page.close()
 
 

@@ -45,7 +45,7 @@ def test_node_that_was_never_heard_has_its_row() -> None:
     assert Health(["rig"]).rows(0.0)[0].message == "not heard yet"
 
 
-def test_names_of_strangers_cannot_grow_without_end() -> None:
+def test_names_of_foreign_requests_cannot_grow_without_end() -> None:
     health = Health(["rig"])
     for number in range(500):
         health.note(0.0, [report(f"stranger{number}"), report(f"rig: part{number}")])

@@ -1,4 +1,4 @@
-"""The guide on an arm in place of the carriage: it leads as one, and says where it cannot."""
+"""The guide on an arm in place of the carriage: it leads as one, and reports where it cannot."""
 
 import re
 from dataclasses import replace

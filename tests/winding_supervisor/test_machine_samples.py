@@ -23,7 +23,7 @@ TURN = 2.0 * math.pi
 
 
 class Machine:
-    """A machine of which samples arrive, looked at when a test says so."""
+    """A machine of which samples arrive, looked at when a test asks."""
 
     def __init__(self, turns: float = 3.0, *, scale: float = 1.0) -> None:
         self.now = 100.0

@@ -182,7 +182,7 @@ async def test_a_late_status_of_winding_lifts_no_protective_stop() -> None:
     session.reports("winding", 0.399)
     session.reports("stopping", 0.499)
     assert session.log.held is cause
-    # Somebody starts it again.
+    # The operator starts it again.
     session.machine.wind(0.5, 300, angle=SPEED * 0.5)
     session.reports("winding", 0.799)
     assert session.log.held is None
