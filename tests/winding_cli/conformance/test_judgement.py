@@ -40,6 +40,15 @@ def test_a_good_encoder_keeps_every_promise() -> None:
     assert not broken([*judge_stream("rig/joint_states", heard, 50.0), *judge_encoder(heard)])
 
 
+def test_a_camera_of_exactly_the_lowest_rate_is_fast_enough() -> None:
+    # Whole nanoseconds of a clock since 1970 differ from a twenty-fifth of a second.
+    for begin in (0.0, 1.79e9, 1.79e9 + 0.1234567):
+        stamps = [begin + k / 25.0 for k in range(11)]
+        stamps[-1] += 3.0e-9
+        heard = Heard(stamps=stamps, values=[()] * 11, arrived=list(stamps))
+        assert not broken(judge_stream("camera/image_raw", heard, 25.0))
+
+
 def test_a_message_that_cannot_be_read_is_quoted() -> None:
     heard = winding_encoder()
     heard.refused.append("tension must be finite, got nan N")
