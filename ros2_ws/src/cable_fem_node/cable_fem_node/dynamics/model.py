@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from cable_fem_node.dynamics.contact_springs import contact_energy, normal_forces
 from cable_fem_node.dynamics.motion_kernels import BoundaryConditions
 from cable_fem_node.dynamics.state import (
     LEDGER_SIZE,
@@ -19,9 +20,7 @@ from cable_fem_node.dynamics.state import (
     EnergyLedger,
     FloatArray,
     Points,
-    contact_energy,
     empty_points,
-    normal_forces,
     penalty,
 )
 

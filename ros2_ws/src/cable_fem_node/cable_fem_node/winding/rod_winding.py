@@ -9,6 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_fem_node.dynamics.contact_springs import contact_energy, lying_energy, normal_forces
 from cable_fem_node.dynamics.state import (
     LOSS_RELAXATION,
     WORK_SURFACE,
@@ -18,9 +19,6 @@ from cable_fem_node.dynamics.state import (
     FloatArray,
     ImpossibleResultError,
     Points,
-    contact_energy,
-    lying_energy,
-    normal_forces,
 )
 from cable_fem_node.rod.rod_records import (
     ANGLE,

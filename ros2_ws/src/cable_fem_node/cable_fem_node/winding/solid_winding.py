@@ -5,12 +5,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_fem_node.dynamics.contact_springs import contact_energy, normal_forces
 from cable_fem_node.dynamics.state import (
     DivergenceError,
     EnergyLedger,
     FloatArray,
-    contact_energy,
-    normal_forces,
     penalty,
 )
 from cable_fem_node.rod.rod_records import EYE_X, EYE_Y
