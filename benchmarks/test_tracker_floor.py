@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from floors.classic_tracker import ClassicTracker
-from floors.films import films, live_scene
+from floors.films import DRIVE, live_scene
 from floors.gates import Box, boxes_of
 from rows import costs, least
 from winding_core.compiling import compiled
@@ -57,7 +57,7 @@ def test_tracker_beside_the_classic_pipeline_in_its_gates(bench: Any) -> None:
     cv2.setNumThreads(1)
     shown, tracker = live_scene(CameraConfig(), BEGIN - 0.01)
     case = shown.case
-    turn = 2.0 * math.pi / films().DRIVE.speeds(BEGIN)[0]
+    turn = 2.0 * math.pi / DRIVE.speeds(BEGIN)[0]
     rows = list(shown.frames(RATE, start=BEGIN, stop=BEGIN + turn))
     times, frames, angles, guides = (np.array(part) for part in zip(*rows, strict=True))
     count = len(frames)
