@@ -13,12 +13,21 @@ from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_rod import rod_places
 from cable_fem_node.winding.rig_prior import CELL
 from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
+from winding_core.cable.cases import paper_case
 from winding_core.cable.condition import Condition
 from winding_core.catalogue.cables import read_cable
 from winding_core.parameters import ParameterError
 from winding_core.run_spec import RunSpec
 from winding_study.commissioning.design import SIGMA_THETA, SIGMA_Z, ranked
-from winding_study.commissioning.motion import MachineReach, Motion, candidates, clearing_advance
+from winding_study.commissioning.motion import (
+    MOST_BENT,
+    MOST_STRESSED,
+    MachineReach,
+    Motion,
+    candidates,
+    clearing_advance,
+    safe_pulls,
+)
 from winding_study.commissioning.result import cable_of, cell_text_of, remarks
 
 pytestmark = pytest.mark.timeout(900)  # A cell takes a dozen rods, on a busy computer minutes
@@ -102,6 +111,17 @@ def test_a_pull_slips_where_it_changes_faster_than_friction_holds() -> None:
     # Cable that slips is drawn on by the higher pull: less of it lies on the cylinder.
     smooth, rough = (lay(cell(friction=value))[0][0] for value in (-2.0, 2.0))
     assert smooth[12] > rough[12]
+
+
+def test_many_cables_lie_as_each_of_them_does_alone() -> None:
+    lay = laid(MOTIONS["falling"])
+    shares = np.array([0.03, 0.33, 0.57])
+    many = {name: np.repeat(value, 3) for name, value in cell(young=-1.0).items()}
+    together = lay(many | {"law_share": shares})[0]
+    for row, share in zip(together, shares, strict=True):
+        alone = lay(cell(young=-1.0) | {"law_share": np.array([share])})[0][0]
+        # A twentieth of what a tracker measures: between shares the stress is interpolated.
+        assert row[:15] == pytest.approx(alone[:15], abs=0.05 * SIGMA_THETA)
 
 
 def test_an_even_pull_and_a_brake_with_friction_lay_the_same() -> None:
@@ -201,6 +221,25 @@ def test_no_motion_leaves_the_limits() -> None:
         assert abs(motion.drive.positions(motion.duration)[1]) <= REACH.travel * (1.0 + 1e-9)
         assert min(motion.pulls) >= 0.3 * WEIGHT * (1.0 - 1e-12)
         assert max(motion.pulls) <= 1.5 * WEIGHT * (1.0 + 1e-12)
+
+
+def test_a_thick_cable_is_not_pulled_so_little_that_bending_takes_the_tension() -> None:
+    case = paper_case(5)
+    found = safe_pulls(case, CELL, (0.1 * case.weight, 2.0 * case.weight))
+    assert found is not None
+    tension = 0.7 * found[0] + 0.15  # the middle of the prior
+    bent = case.bending_stiffness / (2.0 * tension * case.centreline_radius**2)
+    assert bent == pytest.approx(MOST_BENT, rel=1.0e-12)
+    assert found[1] == 2.0 * case.weight
+
+
+def test_a_thin_cable_is_not_pulled_to_where_its_law_ends() -> None:
+    case = paper_case(8)
+    found = safe_pulls(case, CELL, (0.3 * case.weight, 1.5 * case.weight))
+    assert found is not None
+    stress = (0.7 * found[1] + 0.15) / (case.material.young * case.axial_area)
+    assert stress == pytest.approx(MOST_STRESSED, rel=1.0e-12)
+    assert safe_pulls(case, CELL, (2.0 * case.weight, 3.0 * case.weight)) is None
 
 
 def test_the_first_turn_clears_the_start_by_a_diameter() -> None:

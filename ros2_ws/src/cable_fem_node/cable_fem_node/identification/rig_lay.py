@@ -35,13 +35,15 @@ from winding_core.run_inputs import Inputs, continued_inputs
 _MOST_BENT = 0.9  # Where bending would take more than this, no cable lies on the cylinder any more
 # Between two places of the grid [rad]: against 0.01 no angle of 150 rigs moved by 0.15 mrad.
 _STEP = 0.2
+_CORNER_STEP = 0.1  # The same along a commanded pull, whose corners are a search's kinks
 _AT_ONCE = 400_000  # Places of all rigs that are held at once; beyond, rigs come in turn
 _LONGEST = 4.0  # No cable of this model is longer than this many times its length
 _AVERAGED = 0.3  # The pull is averaged over so much to either side [rad]: a load cell is noisy
 # Slip reaches no further back than this [rad]: at a friction of 0.06 that is a ratio of 6.
 _SLIP_REACH = 30.0
-# Shares of C01 between which the stretch is interpolated.
-_SHARES = (0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)
+# Shares of C01 between which the stress at a stretch is interpolated: it goes straight with the
+# share, the stretch at a stress does not.
+_SHARES = tuple(0.05 * k for k in range(19))
 # A motion goes on so far over its end: what lands late on one rig has landed on another.
 BEYOND = 1.08
 
@@ -170,10 +172,11 @@ class RigLay:
         top = float(self._at(most, rigs["law_share"]).max())
         reach = 1.03 * min(top, _LONGEST) * arc[-1] / float(self._radius.min()) + 0.5
         if self._commanded is not None:
-            # A pull that comes later may draw on what was laid.
-            reach = max(reach, self.end)
+            # A pull that comes later may draw on what was laid, and the same places for all rigs
+            # keep the corners of the pull from wandering among them.
+            reach = BEYOND * self.end
         # The lift-off is at most a quarter turn.
-        pieces = int(reach / _STEP) + 1
+        pieces = int(reach / (_STEP if self._commanded is None else _CORNER_STEP)) + 1
         step = reach / pieces
         theta = np.asarray(step * np.arange(pieces + 1), dtype=np.float64)
         most_rows = max(1, _AT_ONCE // theta.size)
@@ -234,11 +237,12 @@ class RigLay:
         if share.size == 1:
             return np.interp(stress, *self._table(float(share[0])))
         found = np.empty_like(stress)
-        tables = [self._table(at) for at in _SHARES]
+        stretch = self._table(0.0)[1]
+        stresses = np.array([self._table(at)[0] for at in _SHARES])
         for row, place in enumerate(np.interp(share, _SHARES, np.arange(len(_SHARES))).tolist()):
             first = min(int(place), len(_SHARES) - 2)
-            one, other = (np.interp(stress[row], *tables[first + k]) for k in (0, 1))
-            found[row] = one + (place - first) * (other - one)
+            one, other = stresses[first : first + 2]
+            found[row] = np.interp(stress[row], one + (place - first) * (other - one), stretch)
         return found
 
     def _table(self, share: float) -> tuple[FloatArray, FloatArray]:

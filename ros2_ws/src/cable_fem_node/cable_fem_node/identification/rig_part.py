@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.rig import Numbers
 from cable_fem_node.identification.rig_lay import RigLay
+from cable_fem_node.identification.rig_rod import RodExcess
 from cable_fem_node.identification.tracked_run import TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
 
@@ -84,15 +85,21 @@ class RigPart:
     run: TrackedRun  # Inputs and readings
     lay: RigLay  # Its closed form
     used: NDArray[np.intp]  # Index of each used marker among P1, P2, ..., shape (m,)
+    excess: RodExcess | None  # What the rod adds to the used markers; None: nothing
     deviations: RigDeviations  # Of model and machine
     white_theta: FloatArray  # Makes residuals of angles standard normal, shape (m, m)
     white_z: FloatArray  # The same of z, shape (m, m)
 
     @classmethod
     def of(
-        cls, run: TrackedRun, lay: RigLay, prior: RigPrior, about: Numbers | None = None
+        cls,
+        run: TrackedRun,
+        lay: RigLay,
+        prior: RigPrior,
+        about: Numbers | None = None,
+        excess: RodExcess | None = None,
     ) -> RigPart:
-        """Return the part of a run, see `deviations_of`."""
+        """Return the part of a run, see `deviations_of`, with what the rod adds to its markers."""
         readings = run.readings
         used = readings.ids - 1
         every = np.arange(1, lay.arc.size + 1)
@@ -105,25 +112,32 @@ class RigPart:
         )
         deviations = deviations_of(lay, prior, theta, z, about)
         pick = np.ix_(used, used)
+        seen_theta, seen_z = np.diag(readings.sigma_theta**2), np.diag(readings.sigma_z**2)
+        if excess is not None:
+            more_theta, more_z = excess.covariances()
+            seen_theta, seen_z = seen_theta + more_theta, seen_z + more_z
         return cls(
             run=run,
             lay=lay,
             used=used,
+            excess=excess,
             deviations=deviations,
-            white_theta=whitening(deviations.theta[pick] + np.diag(readings.sigma_theta**2)),
-            white_z=whitening(deviations.z[pick] + np.diag(readings.sigma_z**2)),
+            white_theta=whitening(deviations.theta[pick] + seen_theta),
+            white_z=whitening(deviations.z[pick] + seen_z),
         )
 
-    def residuals(self, rigs: Numbers, excess: FloatArray | float = 0.0) -> FloatArray:
+    def residuals(self, rigs: Numbers) -> FloatArray:
         """Return standard normal residuals of angles and then of z, shape (n, 2 m).
 
         Args:
             rigs: Shape (n,) each.
-            excess: What the rod adds to the closed form, theta and z, shape (n, 2 m).
         """
-        theta, z = self.lay(rigs, int(self.used[-1]) + 1)
+        own = rigs if self.excess is None else rigs | {"held": np.ones(1)}
+        theta, z = self.lay(own, int(self.used[-1]) + 1)
         readings = self.run.readings
-        laid = np.hstack([theta[:, self.used], z[:, self.used]]) + excess
+        laid = np.hstack([theta[:, self.used], z[:, self.used]])
+        if self.excess is not None:
+            laid = laid + self.excess(rigs["held"])
         off_theta, off_z = np.hsplit(laid - np.concatenate([readings.theta, readings.z]), 2)
         return np.hstack([off_theta @ self.white_theta.T, off_z @ self.white_z.T])
 

@@ -15,12 +15,11 @@ from cable_fem_node.identification.modulus import WORST_SHARE
 from cable_fem_node.identification.rig import DERIVED, Numbers, Unknown
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
-from cable_fem_node.identification.rig_search import RigSearch
+from cable_fem_node.identification.rig_search import DRAWS, RigSearch
 from cable_fem_node.identification.search import FitConfig
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
 
-DRAWS = 600  # As many as a 5 % quantile needs to be known to a twentieth of the interval
 _OBSERVED = 0.8  # A number whose deviation stays above this share of the prior's is unobservable
 _MOST_SCATTER = 0.05  # Scatter beyond which markers are not those of any rig [m]
 # Scatter is found to within this factor.

@@ -20,12 +20,13 @@ from winding_core.run_inputs import Inputs
 _LONGEST = 1.15
 
 
-def rod_run(lay: RigLay, numbers: Numbers) -> tuple[WindingConfig, Inputs]:
+def rod_run(lay: RigLay, numbers: Numbers, coarser: float = 1.0) -> tuple[WindingConfig, Inputs]:
     """Return what the rod winds of one rig, and its motion with the tension at the cylinder.
 
     Args:
         lay: Closed form of the motion.
         numbers: Shape (1,) each; eye and camera are those of a rig without errors.
+        coarser: Length of an element over that of a prediction.
     """
     config, inputs = lay.config, lay.inputs.copy()
     share, young = (float(numbers[name][0]) for name in ("law_share", "young"))
@@ -43,17 +44,19 @@ def rod_run(lay: RigLay, numbers: Numbers) -> tuple[WindingConfig, Inputs]:
     )
     # Elements lie on the cylinder stretched.
     longest = config.resolved.law.stretch_at(young * float(stress.max()))
-    segment = lay.config.resolved.segment * min(1.0, _LONGEST / longest)
+    segment = coarser * lay.config.resolved.segment * min(1.0, _LONGEST / longest)
     return dataclasses.replace(config, segment_length=segment), inputs
 
 
-def rod_places(lay: RigLay, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
+def rod_places(
+    lay: RigLay, numbers: Numbers, coarser: float = 1.0
+) -> tuple[FloatArray, FloatArray]:
     """Return (theta [rad], z [m]) of the rod's markers, nan for one that has not landed, (m,) each.
 
     Raises:
         SolverError, ValueError: The rod fails, or the material cannot carry the tension.
     """
-    config, inputs = rod_run(lay, numbers)
+    config, inputs = rod_run(lay, numbers, coarser)
     model = RodWinding(config)
     replay(inputs[inputs["cylinder_angle"] <= BEYOND * lay.end], model)
     markers = model.markers()[1:]
@@ -61,13 +64,16 @@ def rod_places(lay: RigLay, numbers: Numbers) -> tuple[FloatArray, FloatArray]:
     return np.where(landed, markers["theta"], np.nan), np.where(landed, markers["z"], np.nan)
 
 
-def rod_excess(lay: RigLay, numbers: Numbers, used: NDArray[np.intp]) -> FloatArray:
+def rod_excess(
+    lay: RigLay, numbers: Numbers, used: NDArray[np.intp], coarser: float = 1.0
+) -> FloatArray:
     """Return theta [rad] and z [m] of the rod less those of the closed form, shape (2 m,).
 
     Args:
         lay: Closed form of the run.
         numbers: Shape (1,) each.
         used: Index of each marker among P1, P2, ..., shape (m,).
+        coarser: Length of the rod's elements over that of a prediction.
 
     Raises:
         IdentificationError: The rod fails, or one of the markers does not land.
@@ -76,7 +82,7 @@ def rod_excess(lay: RigLay, numbers: Numbers, used: NDArray[np.intp]) -> FloatAr
     one, none = np.ones(1), np.zeros(1)
     plain = numbers | {"held": one, "eye": none, "camera_scale": none}
     try:
-        found = np.array(rod_places(lay, plain))[:, used]
+        found = np.array(rod_places(lay, plain, coarser))[:, used]
     except (SolverError, ValueError) as error:
         raise IdentificationError(f"the rod cannot wind the best rig: {error}") from error
     if not np.isfinite(found).all():
@@ -87,12 +93,24 @@ def rod_excess(lay: RigLay, numbers: Numbers, used: NDArray[np.intp]) -> FloatAr
 
 @dataclass(frozen=True, kw_only=True)
 class RodExcess:
-    """What the rod adds to the closed form of a run: a line in the coordinates of a search."""
+    """What the rod adds to the closed form of a run near the best rig.
 
-    at: FloatArray  # Coordinates, shape (k,)
-    value: FloatArray  # Theta [rad] and z [m] there, shape (2 m,)
-    slopes: FloatArray  # Shape (k, 2 m)
+    Where pulls change, how far behind the landing friction holds is of first order in the length
+    of the elements, and the closed form has it too large where cable comes back. So there the
+    number `held` is a length of the rod's elements over those of a prediction.
+    """
 
-    def __call__(self, u: FloatArray) -> FloatArray:
-        """Return it at coordinates, shape (n, k), as (n, 2 m)."""
-        return np.asarray(self.value + (u - self.at) @ self.slopes)
+    value: FloatArray  # Theta [rad] and z [m], shape (2 m,)
+    by_element: FloatArray  # By the length of the elements over those of a prediction, (2 m,)
+    # Of other rigs of the posterior, less `value`, shape (j, 2 m): how far it holds.
+    others: FloatArray
+
+    def __call__(self, held: FloatArray) -> FloatArray:
+        """Return it for elements as long as `held` of a prediction's, shape (n,), as (n, 2 m)."""
+        return np.asarray(self.value + (held - 1.0)[:, None] * self.by_element)
+
+    def covariances(self) -> tuple[FloatArray, FloatArray]:
+        """Return the mean squares of what other rigs add to theta and to z, shape (m, m) each."""
+        parts = np.hsplit(self.others, 2)
+        theta, z = (part.T @ part / max(len(part), 1) for part in parts)
+        return np.asarray(theta), np.asarray(z)

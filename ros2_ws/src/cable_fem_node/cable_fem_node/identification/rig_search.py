@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ from cable_fem_node.identification.rig import Numbers, RigCoordinates, unknowns_
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.rig_part import RigPart
 from cable_fem_node.identification.rig_rod import RodExcess, rod_excess
-from cable_fem_node.identification.tracked_run import TrackedRun
+from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.rig_prior import RigPrior
 
 # No coordinate moves farther in one step: they are normal deviates and logarithms.
@@ -79,16 +80,20 @@ def optimum(
 # they make up a standard normal.
 _PLACES = np.linspace(-1.8, 1.8, 8)
 _NARROW = 0.5
+# Deviates of the C01 share from which every one of them is searched: modulus, drag and brake follow
+# the share along a bent valley, in which steps come to rest too early.
+_BENDS = np.array([-1.0, 0.0, 1.0])
 _STEPS = 40
 _PROBE = 1.0e-3
 _SETTLED = 2.0e-3  # Twice the gain in half a sum of squares below which a step is not worth taking
-# The rod is wound at so many optima at most, for its slopes at this one, over steps of a deviation
-# within these limits: its elements are seen in shorter ones. It rests where it moves the optimum
-# by less than this share of a deviation.
-_ROD_CALLS, _SLOPES_AT, _ROD_STEPS, _RESTS = 5, 1, (0.1, 0.5), 0.2
-# What changes the rod by nothing, or as the closed form.
-_EXACT = ("load_share", "held", "eye", "camera_scale")
-_OF_BUILD_UP = ("start_share", "build_up_length")
+# The rod is wound at so many optima at most, and with other elements at so many. It rests where it
+# moves the optimum by less than this share of a deviation.
+_ROD_CALLS, _OTHER_ELEMENTS, _RESTS = 6, 2, 0.2
+# Elements of another length, over those of a prediction: from 0.6 to 1.3 angles move in proportion.
+_COARSER = 1.25
+# Rigs of the posterior that are wound to see how far what the rod adds at the best one holds.
+_OTHER_RIGS = 6
+DRAWS = 600  # As many as a 5 % quantile needs to be known to a twentieth of the interval
 # Draws that count, over all; rounds in which the proposal is adapted to it.
 _ENOUGH, _ROUNDS = 0.3, 5
 
@@ -130,8 +135,9 @@ class RigSearch:
         excess: Sequence[RodExcess] | None = None,
     ) -> None:
         about = None if before is None else before.best
-        pairs = zip(runs, lays, strict=True)
-        self.parts = [RigPart.of(run, lay, prior, about) for run, lay in pairs]
+        added: Sequence[RodExcess | None] = [None] * len(runs) if excess is None else excess
+        pairs = zip(runs, lays, added, strict=True)
+        self.parts = [RigPart.of(run, lay, prior, about, own) for run, lay, own in pairs]
         self.prior, self.excess = prior, excess
         first, config = runs[0].readings, runs[0].config
         case, last = config.case, float(first.theta[-1])
@@ -184,7 +190,7 @@ class RigSearch:
     def with_rod(self) -> RigSearch:
         """Return the search with what the rod adds, found at the best rig until that rests.
 
-        Its slopes along every coordinate are forward differences of the rod at the second optimum.
+        How it differs at other rigs of the posterior belongs to the deviations of the model.
 
         Raises:
             IdentificationError: The rod cannot wind the best rig.
@@ -193,36 +199,47 @@ class RigSearch:
         for attempt in range(_ROD_CALLS):
             before, (u,) = search, search.place[0]
             information = search.modes.information[search._first]
-            excess = search._asked(information if attempt == _SLOPES_AT else None)
-            runs, lays = zip(*((part.run, part.lay) for part in self.parts), strict=True)
-            search = RigSearch(runs, self.prior, lays, before, excess)
-            moved = search.place[0][0] - u
-            if attempt >= _SLOPES_AT and moved @ information @ moved < _RESTS**2 * u.size:
+            search = search._with(search._asked(attempt < _OTHER_ELEMENTS))
+            moved = search.place[0][0] - before.place[0][0]
+            if attempt and moved @ information @ moved < _RESTS**2 * u.size:
                 break
-        return search
+        return search._with(search._elsewhere())
 
-    def _asked(self, information: FloatArray | None) -> list[RodExcess]:
-        """Return what the rod adds at the best rig; with new slopes where there is information."""
-        (u,), steady = self.place
+    def _with(self, excess: list[RodExcess]) -> RigSearch:
+        runs, lays = zip(*((part.run, part.lay) for part in self.parts), strict=True)
+        return RigSearch(runs, self.prior, lays, self, excess)
+
+    def _asked(self, other_elements: bool) -> list[RodExcess]:
+        """Return what the rod adds at the best rig, and what it adds with other elements."""
+        best, found = self.best, []
+        for part in self.parts:
+            value = rod_excess(part.lay, best, part.used)
+            by_element = np.zeros_like(value) if part.excess is None else part.excess.by_element
+            if other_elements:
+                coarse = rod_excess(part.lay, best, part.used, _COARSER)
+                by_element = (coarse - value) / (_COARSER - 1.0)
+            others = np.zeros((0, value.size))
+            found.append(RodExcess(value=value, by_element=by_element, others=others))
+        return found
+
+    def _elsewhere(self) -> list[RodExcess]:
+        """Return what the rod adds, with what it adds at some rigs of the posterior."""
+        u, steady, weights = self.draw(DRAWS)
+        ends = (np.arange(_OTHER_RIGS) + 0.5) / _OTHER_RIGS
+        rows = np.searchsorted(np.cumsum(weights), ends)
         found = []
-        for number, part in enumerate(self.parts):
-
-            def added(at: FloatArray, part: RigPart = part) -> FloatArray:
-                return rod_excess(part.lay, self.coordinates.numbers(at[None], steady), part.used)
-
-            value = added(u)
-            slopes = np.zeros((u.size, value.size))
-            if self.excess is not None:
-                slopes = self.excess[number].slopes.copy()
-            if information is not None:
-                steps = np.clip(np.sqrt(np.diag(np.linalg.inv(information))), *_ROD_STEPS)
-                for k, item in enumerate(self.coordinates.opened):
-                    if item.name in _EXACT or (steady[0] and item.name in _OF_BUILD_UP):
-                        continue
-                    aside = u.copy()
-                    aside[k] += steps[k] if u[k] < 0.0 else -steps[k]
-                    slopes[k] = (added(aside) - value) / (aside[k] - u[k])
-            found.append(RodExcess(at=u, value=value, slopes=slopes))
+        for part in self.parts:
+            assert part.excess is not None
+            others = []
+            for row in rows.tolist():
+                rig = self.coordinates.numbers(u[row : row + 1], steady[row : row + 1])
+                try:
+                    others.append(rod_excess(part.lay, rig, part.used) - part.excess.value)
+                except IdentificationError:
+                    # A rig that the rod cannot wind is none of the posterior's.
+                    continue
+            rows_of = np.reshape(others, (-1, 2 * part.used.size))
+            found.append(dataclasses.replace(part.excess, others=rows_of))
         return found
 
     def draw(self, count: int) -> tuple[FloatArray, NDArray[np.bool_], FloatArray]:
@@ -244,11 +261,7 @@ class RigSearch:
         """Return residuals, the k of the prior last, and what else ln of the density has."""
         rigs = self.coordinates.numbers(u, steady)
         prior, more = self.coordinates.prior(u, rigs)
-        if self.excess is None:
-            rows = [part.residuals(rigs) for part in self.parts]
-        else:
-            pairs = zip(self.parts, self.excess, strict=True)
-            rows = [part.residuals(rigs, added(u)) for part, added in pairs]
+        rows = [part.residuals(rigs) for part in self.parts]
         return np.hstack([*rows, prior]), more
 
     def _find(self, start: FloatArray) -> _Modes:
@@ -261,6 +274,9 @@ class RigSearch:
             share = np.exp(-0.5 * _PLACES**2 / (1.0 - _NARROW**2))
             share *= (1.0 - chance) / share.sum()
             kinds += [(False, at, _NARROW, own) for at, own in zip(_PLACES, share, strict=True)]
+        law = self.coordinates.place_of("law_share")
+        bends = np.zeros(1) if law is None else _BENDS
+        kinds = [(*kind[:3], kind[3] / bends.size) for kind in kinds for _ in bends]
         steady, place, narrow, own = (np.array(row) for row in zip(*kinds, strict=True))
         repeated = [np.repeat(values, size + 1) for values in (steady, place, narrow)]
 
@@ -275,6 +291,8 @@ class RigSearch:
         start = np.broadcast_to(start, (steady.size, size)).copy()
         if build_up is not None:
             start[:, build_up] = place
+        if law is not None:
+            start[:, law] = np.resize(bends, steady.size)
         best, information, cost = optimum(
             residuals, start, probe=_PROBE, steps=_STEPS, settled=_SETTLED
         )

@@ -155,7 +155,12 @@ def _planned(
     from winding_core.machine.tension import DeadWeight
     from winding_core.parameters import build
     from winding_study.commissioning.design import ranked
-    from winding_study.commissioning.motion import MachineReach, candidates, clearing_advance
+    from winding_study.commissioning.motion import (
+        MachineReach,
+        candidates,
+        clearing_advance,
+        safe_pulls,
+    )
 
     ranges: dict[str, Any] = typed_values(RigPrior, known, spelled)
     prior = replace(CELL, **ranges)
@@ -168,7 +173,7 @@ def _planned(
     drive, weight = what.drive, what.case.weight
     pulls = pull_limits
     if pulls is None and not spec.external:
-        pulls = (_PULL_SHARE[0] * weight, _PULL_SHARE[1] * weight)
+        pulls = safe_pulls(what.case, prior, (_PULL_SHARE[0] * weight, _PULL_SHARE[1] * weight))
     if pulls is not None:
         # Refuses a pull that would tear the cable as it is known.
         replace(config, case=replace(what.case, weight=pulls[1]))

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from cable_fem_node.winding.rig_prior import RigPrior
+from winding_core.cable.cases import Case
 from winding_core.machine.drive import DriveProfile
 from winding_core.parameters import ParameterError
 from winding_core.run_inputs import Inputs, planned_inputs
@@ -16,6 +18,9 @@ _FEWEST_TURNS = 2.0  # A motion shorter than this many turns has wound no marker
 # A change of the pull takes at least so long a way [rad]: a brake's time constant, twice.
 _STEP_WAY = 0.8
 _FULL_TURN = 2.0 * math.pi
+# Bending's share of the tension, and stress over E, up to which the rod winds well
+# (docs/measurements/identification.md).
+MOST_BENT, MOST_STRESSED = 0.2, 0.45
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +144,21 @@ def candidates(reach: MachineReach, sign: float = 1.0) -> Iterator[Motion]:
             f"{reach.speeds[1]:g} rad/s, {1e3 * reach.travel:g} mm of travel, the carriage at up "
             f"to {1e3 * reach.carriage_speed:g} mm/s, {1e3 * reach.clear:.3g} mm a turn at least"
         )
+
+
+def safe_pulls(
+    case: Case, prior: RigPrior, pulls: tuple[float, float]
+) -> tuple[float, float] | None:
+    """Return the part of a range of pulls [N] in which the solver holds, in the prior's middle.
+
+    None where that is empty: the weight alone pulls.
+    """
+    share, drag = (0.5 * sum(ends) for ends in (prior.load_share, prior.guide_drag))
+    least = case.bending_stiffness / (2.0 * MOST_BENT * case.centreline_radius**2)
+    most = MOST_STRESSED * case.material.young * case.axial_area
+    low = max(pulls[0], (least - drag) / share)
+    high = min(pulls[1], (most - drag) / share)
+    return (low, high) if low < high else None
 
 
 def clearing_advance(diameter: float, lag: float) -> float:

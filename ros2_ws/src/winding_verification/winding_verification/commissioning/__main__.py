@@ -2,6 +2,7 @@
 
 import argparse
 
+from cable_fem_node.identification import IdentificationError
 from winding_verification.commissioning.study import commissioned_cell, study_text
 
 
@@ -14,9 +15,14 @@ def main() -> None:
         "--no-plain", action="store_true", help="Leave out the run as in the paper beside each."
     )
     asked = parser.parse_args()
-    cells = []
+    cells, refused = [], []
     for seed in range(asked.first_seed, asked.first_seed + asked.cells):
-        cell = commissioned_cell(seed, plain=not asked.no_plain)
+        try:
+            cell = commissioned_cell(seed, plain=not asked.no_plain)
+        except IdentificationError as error:
+            refused.append(seed)
+            print(f"seed {seed}: not identified: {error}", flush=True)
+            continue
         cells.append(cell)
         outside = [
             f"{item.name} {cell.hidden[item.name]:.4g} not in {item.low:.4g}..{item.high:.4g}"
@@ -29,7 +35,7 @@ def main() -> None:
             f"at most {abs(cell.missed).max():.2%}; {cell.cpu:.1f} s; outside: {outside}",
             flush=True,
         )
-    print(study_text(cells))
+    print(study_text(cells, refused))
 
 
 if __name__ == "__main__":
