@@ -10,6 +10,7 @@ import httpx
 
 from winding_core.cable.condition import OWN, Condition
 from winding_core.cable.wound_label import WoundLabel
+from winding_core.machine.drum import Drum
 from winding_core.run_options import OperatorLimits
 from winding_core.status import Level, Status
 from winding_dashboard.page.commands import Choice, CommandError, Graph
@@ -109,9 +110,9 @@ def phase(
     state.note_statuses(time.monotonic() - ago, [status])
 
 
-def wound(state: ViewState, condition: Condition) -> None:
-    """Let the solver say what is wound."""
-    values = WoundLabel.of(condition.resolved()).values()
+def wound(state: ViewState, condition: Condition, drum: Drum | None = None) -> None:
+    """Let the solver report what is wound, and on which drum."""
+    values = WoundLabel.of(condition.resolved(), drum).values()
     status = Status(name="cable_fem", message="following the machine", values=values)
     state.health.note(time.monotonic(), [status])
 

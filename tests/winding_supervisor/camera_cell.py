@@ -15,12 +15,15 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
 
+import cv2
 from pictures import Pictures
 from sensor_cell import SensorCell, run_cell
 from sensor_msgs.msg import JointState
 
-from winding_ros.messages.camera import encode_camera_info, encode_image
+from winding_ros.messages.camera import encode_camera_info, encode_image, encode_preview
 from winding_ros.messages.stamps import encode_stamp
+
+_JPEG = (cv2.IMWRITE_JPEG_QUALITY, 95)  # As image_transport's compressed publisher by default
 
 
 class Pause(NamedTuple):
@@ -45,6 +48,7 @@ class Cell:
     loss: float = 0.0  # Share of joint states that is never published
     jitter: float = 0.0  # Longest delay of a joint state, in order [s]
     camera_offset: float = 0.0  # Of the camera's clock [s]
+    compressed: bool = False  # Whether its frames come as JPEG, on the compressed topic
     pauses: tuple[Pause, ...] = ()  # In which the machine stands, in order
 
 
@@ -150,7 +154,11 @@ class CellNode(SensorCell):
             stamp = due + cell.camera_offset
             self.infos.publish(encode_camera_info(stamp, self.pictures.calibration))
             frame = self.pictures.at(t)
-            self.images.publish(encode_image(stamp, frame))
+            if cell.compressed:
+                jpeg = cv2.imencode(".jpg", frame, _JPEG)[1]
+                self.compressed_images.publish(encode_preview(stamp, jpeg.tobytes()))
+            else:
+                self.images.publish(encode_image(stamp, frame))
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import rclpy
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
 from std_srvs.srv import Trigger
 
 from winding_core.cable.condition import Condition
@@ -37,6 +37,9 @@ class SensorCell(Node):
         self.force = self.create_publisher(WrenchStamped, "rig/tension", 100)
         if camera:
             self.images = self.create_publisher(Image, "camera/image_raw", 50)
+            self.compressed_images = self.create_publisher(
+                CompressedImage, "camera/image_raw/compressed", 50
+            )
             self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
         services = {
             "start": self.start,

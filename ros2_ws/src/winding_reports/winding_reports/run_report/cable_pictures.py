@@ -111,10 +111,10 @@ def _draw(axes: Axes, cable: WoundCable, scale: Normalize) -> PolyCollection:
         )
     )
     if cable.drum is not None:
-        ends = np.array(cable.drum.centre_lines(case.cable_diameter)) / MILLIMETRE
+        ends = np.array(cable.drum.inner_faces(case.cable_diameter)) / MILLIMETRE
         begin = cable.nodes[0, 2] / MILLIMETRE if 0 in cable.marks else 0.0
         outer = cable.drum.flange_radius / MILLIMETRE
-        for left in (begin + ends[0] - 0.5 * width - _FLANGE_MM, begin + ends[1] + 0.5 * width):
+        for left in (begin + ends[0] - _FLANGE_MM, begin + ends[1]):
             flange = Rectangle((left, -outer), _FLANGE_MM, 2.0 * outer, color=FAINT, zorder=2)
             axes.add_patch(flange)
         long = max(long, float(begin + ends[1]) + _MARGIN_MM)
