@@ -68,8 +68,8 @@ def test_a_span_that_the_guide_reports_longer_is_followed_unseen() -> None:
         if k % 20 == 0:
             lay.advance(theta, RISE * theta, longer=longer)
             unaware.advance(theta, RISE * theta)
-    # The span as at the end of each step, of 0.02 rad: longer by 0.1 mm at most.
-    assert lay.estimate().z == pytest.approx(z, abs=2.0e-5)
+    # The bent end counts as half a millimetre long at least, which is left out of the law.
+    assert lay.estimate().z == pytest.approx(z, abs=2.0 * 5.0e-4 * RISE / RHO)
     assert lay.estimate().free_length == pytest.approx(1.3 * BELIEVED)
     assert abs(unaware.estimate().z - z) > 2.0e-3
 
