@@ -13,13 +13,12 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import cv2
 from pictures import Pictures
 from sensor_cell import SensorCell, run_cell
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from winding_ros.messages.camera import encode_camera_info, encode_image, encode_preview
 from winding_ros.messages.stamps import encode_stamp
@@ -88,30 +87,28 @@ class CellNode(SensorCell):
         camera = [self.photograph] if cell.frame_rate else []
         self.begin(self.encode, partial(self.later, self.outbox), *camera)
 
-    def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        response.success = not self.latched
-        if response.success:
+    def start(self) -> bool:
+        if not self.latched:
             now = time.time()
             since = self.motion.time(now)
             self.motion = replace(self.motion, since=since, begun=now, ended=math.inf)
-        return response
+        return not self.latched
 
-    def stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+    def stop(self) -> bool:
         self.motion = replace(self.motion, ended=min(self.motion.ended, time.time()))
-        response.success = True
-        return response
+        return True
 
-    def emergency_stop(self, request: Any, response: Trigger.Response) -> Trigger.Response:
+    def emergency_stop(self) -> bool:
         self.latched = True
-        return self.stop(request, response)
+        return self.stop()
 
-    def reset(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+    def reset(self) -> bool:
         now = time.time()
-        self.latched, response.success = False, not self.motion.goes_on(now)
-        if response.success:
+        self.latched, stands = False, not self.motion.goes_on(now)
+        if stands:
             angle, carriage = self.readings(self.motion, now)
             self.motion = Motion(angle=angle, carriage=carriage)
-        return response
+        return stands
 
     def readings(self, motion: Motion, now: float) -> tuple[float, float]:
         """Return what the encoders of cylinder [rad] and carriage [m] read at wall time `now`."""

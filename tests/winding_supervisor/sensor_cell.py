@@ -6,6 +6,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -21,7 +22,8 @@ from winding_core.cable.condition import Condition
 class SensorCell(Node):
     """Publishes what its sensors measure; every thread keeps its own absolute schedule.
 
-    A cell defines start, stop and reset, and may define emergency_stop.
+    A cell defines start, stop and reset, and may define emergency_stop; each returns whether it
+    was done.
 
     Args:
         case: Row of the paper's Table 1.
@@ -47,12 +49,16 @@ class SensorCell(Node):
             "reset": self.reset,
         }
         for name, act in services.items():
-            self.create_service(Trigger, f"rig/{name}", act)
+            self.create_service(Trigger, f"rig/{name}", partial(self.answer, act))
         self.quit = threading.Event()
         self.threads: list[threading.Thread] = []
 
-    def emergency_stop(self, request: Any, response: Trigger.Response) -> Trigger.Response:
-        return self.stop(request, response)
+    def answer(self, act: Callable[[], bool], _: Any, response: Any) -> Any:
+        response.success = act()
+        return response
+
+    def emergency_stop(self) -> bool:
+        return self.stop()
 
     def begin(self, *works: Callable[[], None]) -> None:
         """Run works in a thread each; the cell is ready."""
