@@ -26,7 +26,7 @@ def rod_run(lay: RigLay, numbers: Numbers, coarser: float = 1.0) -> tuple[Windin
     Args:
         lay: Closed form of the motion.
         numbers: Shape (1,) each; eye and camera are those of a rig without errors.
-        coarser: Length of an element over that of a prediction.
+        coarser: Length of an element over that of a prediction, dimensionless.
     """
     config, inputs = lay.config, lay.inputs.copy()
     share, young = (float(numbers[name][0]) for name in ("law_share", "young"))
@@ -73,7 +73,7 @@ def rod_excess(
         lay: Closed form of the run.
         numbers: Shape (1,) each.
         used: Index of each marker among P1, P2, ..., shape (m,).
-        coarser: Length of the rod's elements over that of a prediction.
+        coarser: Length of an element over that of a prediction, dimensionless.
 
     Raises:
         IdentificationError: The rod fails, or one of the markers does not land.
