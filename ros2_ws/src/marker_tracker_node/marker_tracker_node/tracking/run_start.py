@@ -19,21 +19,25 @@ from marker_tracker_node.tracking.estimator.numbers import NUMBERS, ROLL, TILT, 
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
 from marker_tracker_node.tracking.frame.acquisition import P0_REACH
-from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE
+from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA, PROOF_ADVANCE
+from marker_tracker_node.tracking.identity import Identified, Paths, identified
 from marker_tracker_node.tracking.machine_motion import STILL
 from marker_tracker_node.tracking.p0_search import (
+    SAME_ANGLE,
+    SEARCH_REACH,
     BandSearch,
     MovingBand,
     locate_marker,
     sample_colour,
 )
 from marker_tracker_node.tracking.start_doubts import (
+    ALONG,
     MisplacedCamera,
     PictureDoubts,
     beside_its_place,
     colourless,
 )
-from marker_tracker_node.tracking.state import Burst, Setup
+from marker_tracker_node.tracking.state import Burst, Setup, TrackerState
 from winding_core.units import MILLIMETRE
 
 # Frames at rest: their scatter is a quarter of one frame's then.
@@ -64,6 +68,7 @@ class RunStart:
         done: Whether there is nothing left to find out.
         posed: Whether the camera's pose is corrected by more than P0.
         proven: Whether P0 moved with the cylinder, or is sought no longer.
+        told: Whether no other marker can be what is taken for P0.
     """
 
     def __init__(
@@ -76,31 +81,49 @@ class RunStart:
         self._remark = ""
         self.zero = CameraZero(config, camera)
         self.done = self.posed = False
-        self._config = config
-        self._search = BandSearch(config)
+        self._config, self._camera = config, camera
+        self._search = BandSearch(config, 2.0 * ALONG)
         self._doubts = PictureDoubts(config)
         self._misplaced = MisplacedCamera(config)
         self._begun = self._looked = math.nan
+        self._judged, self._set = -math.inf, 0.0
+        self.told = False
+        self._identified: Identified | None = None
         self._followed = self.proven = colour is not None
         self._settled = False
         self._palette: tuple[ColourModel | None, Palette] | None = None
 
-    def take(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+    def take(
+        self,
+        frame: ByteArray,
+        setup: Setup,
+        angle: float,
+        guide: float,
+        state: TrackerState,
+        paths: Paths,
+    ) -> bool:
         """Take a frame; return whether what was known of the markers before is void.
 
-        The encoder's reading [rad] and the guide's position [m] are nan where they are missing.
+        The encoder's reading [rad] and the guide's position [m] are nan where they are missing;
+        the state is that of the run so far.
         """
-        void = False
+        void, self._paths = False, paths
         if math.isnan(self._begun) and math.isfinite(angle):
             self._begun = angle
             if self._config.start_angle is not None:
                 self.origin = angle - self._config.start_angle
+            self._set = self.origin
+            # Then P0 is what lands first, and has its colour.
+            self.told = self.colour is not None and abs(angle - self.origin) <= P0_REACH
         at = angle - self.origin
         if self.colour is None:
             self._sample(frame, setup, 0.0 if math.isnan(at) else at)
         if math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
             self._looked = angle
-            void = not self.proven and self._look(frame, setup, angle, guide)
+            if not (self.proven and self.told):
+                self._search.add(frame, setup, angle)
+            void = not self.told and self._tell(frame, setup, angle, guide, state)
+            void |= not self.proven and self._look(frame, setup, angle, guide)
             void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle, guide)
         if self.colour is not None and not self.posed:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
@@ -114,7 +137,7 @@ class RunStart:
         self._followed |= seen and turned > 2.0 * PROOF_ADVANCE
         changed = not self.posed and self.zero.saw(t, out)
         posed = self.posed or self.zero.done
-        self.done = self.proven and posed and self._misplaced.done
+        self.done = self.proven and self.told and posed and self._misplaced.done
         return changed
 
     def overdue(self, angle: float) -> bool:
@@ -137,7 +160,9 @@ class RunStart:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was found out against expectation."""
-        return tuple(filter(None, (self._remark, self.zero.remark)))
+        waits = self.proven and not self.told and self._judged > 2.0 * math.tau
+        doubt = waits * "which of the bands is P0 cannot be told from where they lie"
+        return tuple(filter(None, (self._remark, self.zero.remark, doubt)))
 
     def _sample(self, frame: ByteArray, setup: Setup, angle: float) -> None:
         """Learn the colour from P0 where the encoder places it."""
@@ -156,7 +181,7 @@ class RunStart:
             self._refuse(why or str(refusal))
             self._settled |= why.startswith("the picture has no colour")
         else:
-            self.refusal = ""
+            self.refusal, self.told = "", True
 
     def _refuse(self, sentence: str) -> None:
         """Keep the first reason, of which later ones are but consequences."""
@@ -164,7 +189,6 @@ class RunStart:
             self.refusal = sentence
 
     def _look(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
-        self._search.add(frame, setup, angle)
         found = self._search.first
         if found is not None:
             self._followed = self.proven = True
@@ -178,7 +202,74 @@ class RunStart:
         self.proven = self.colour is not None and far
         return False
 
+    def _tell(
+        self, frame: ByteArray, setup: Setup, angle: float, guide: float, state: TrackerState
+    ) -> bool:
+        """Find out which of the bands is P0 where the run did not begin with it.
+
+        Return whether what was taken for P0 so far, or for markers, is something else.
+        """
+        bands, way = self._search.proven, abs(angle - self._begun)
+        if way < max(math.tau + setup.usable_azimuth, self._judged + PROOF_ADVANCE):
+            return False
+        self._judged = way
+        if not bands:
+            # Of a colour that was configured none of that hue may be seen.
+            self.told = self._followed and way > 2.0 * math.tau
+            return False
+        found = identified(
+            bands,
+            self._config,
+            self._paths,
+            lambda band: self._origin_of(band, angle, guide),
+            (self._begun, self._set),
+            abs(setup.camera.x),
+        )
+        if found is None:
+            return False
+        if self.proven and found.agrees(state.shift - self.origin, state.marks):
+            self.told = self._misplaced.done = True
+            return False
+        self._identified, self.zero = found, CameraZero(self._config, self._camera)
+        self.origin, self._remark = self._set, ""
+        self._followed = self.proven = True
+        self._found(found.first, frame, setup, angle, guide)
+        self.told = self.proven and self.colour is not None
+        self._misplaced.done |= self.told
+        return True
+
+    def _origin_of(self, band: MovingBand, angle: float, guide: float) -> float:
+        """Return what the encoder reads where a band has landed if that is P0 [rad]."""
+        off = math.remainder(band.offset + self.origin, math.tau)
+        if abs(off) < P0_REACH:
+            return self.origin - off
+        # The guide gives the whole turns: an encoder that is not zeroed does not count them.
+        place, advance, turns = angle + band.offset, self._config.advance_per_radian, 0
+        if math.isfinite(guide) and advance > 0.0:
+            turns = max(round((guide / advance - place) / math.tau), math.ceil(-place / math.tau))
+        return -band.offset - math.tau * turns
+
+    def begin(self, state: TrackerState) -> None:
+        """Take P0, and the markers that were found with it, as known in a fresh state."""
+        found, marks = self._identified, state.marks
+        marks.height[0] = self.height
+        if found is None or not self.told or self.colour is None:
+            return
+        numbers, run = found.numbers, state.run
+        run.guide.offset, run.guide.since = found.offset, self._looked - self.origin
+        marks.found[numbers] = self._looked - self.origin
+        run.shift = math.remainder(found.first.offset + self.origin, math.tau)
+        marks.known[numbers], marks.area[numbers] = True, 1.0
+        marks.theta[numbers], marks.height[numbers] = found.theta, found.first.z + found.z
+        for name in ("recent", "reference"):
+            getattr(marks, name)[numbers] = marks.theta[numbers]
+        # What they are measured to counts from the first frame on.
+        marks.doubt_theta[numbers[1:]] = SAME_ANGLE**2
+        marks.doubt_height[numbers[1:]] = LAY_SIGMA**2
+
     def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+        if self._followed and not self.told:
+            return False
         followed = -self.origin if self._followed else math.nan
         doubt = self._misplaced.add(
             frame, setup, angle, guide, followed=followed, colour=self.colour
@@ -189,7 +280,7 @@ class RunStart:
 
     def _withdraw(self, doubt: str) -> bool:
         """Follow nothing any more, and look for nothing."""
-        self._settled = self.proven = self._misplaced.done = True
+        self._settled = self.proven = self.told = self._misplaced.done = True
         self.colour, self.refusal = None, doubt
         return True
 
@@ -197,6 +288,8 @@ class RunStart:
         self, band: MovingBand, frame: ByteArray, setup: Setup, angle: float, guide: float
     ) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""
+        if abs(band.z) > SEARCH_REACH:
+            return self._withdraw(beside_its_place(band.z, setup))
         off = math.remainder(band.offset + self.origin, math.tau)
         height, explains = 0.0, 0.0
         if P0_REACH <= abs(off) <= 0.5 * math.pi:
@@ -227,16 +320,9 @@ class RunStart:
                 return False
             self.refusal = ""
         self.height = band.z
-        # The acquisition of markers finds P0 itself there.
         if abs(off) < P0_REACH:
             return False
-        place = angle + band.offset
-        # The guide gives the whole turns: an encoder that is not zeroed does not count them.
-        advance = self._config.advance_per_radian
-        turns = 0
-        if math.isfinite(guide) and advance > 0.0:
-            turns = max(round((guide / advance - place) / math.tau), math.ceil(-place / math.tau))
-        self.origin = -band.offset - math.tau * turns
+        self.origin = self._origin_of(band, angle, guide)
         self._remark = f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
         if height:
             self._remark += f", unless {wrong}: set start_angle, or camera_tilt and camera_position"
