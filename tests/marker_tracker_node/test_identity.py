@@ -1,4 +1,4 @@
-"""Which band is P0 follows from the places of all bands together, or is not told."""
+"""Which band is P0 follows from the places of all bands together, or is ambiguous."""
 
 import math
 from dataclasses import replace

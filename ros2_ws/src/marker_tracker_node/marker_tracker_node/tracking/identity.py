@@ -24,9 +24,9 @@ from marker_tracker_node.tracking.p0_search import SAME_ANGLE, MovingBand
 from marker_tracker_node.tracking.state import PATH_STEP, Marks
 
 # Offsets of the guide that are tried [m], and ratios of the gaps to the expected one: to twice
-# what is set, and a half.
-_OFFSETS = np.arange(-30.0e-3, 30.5e-3, 1.5e-3)[:, None, None, None]
-_RATIOS = np.exp(np.arange(-0.72, 0.73, 0.03))[:, None, None]
+# what is set, and a half; so finely that the nearest one is a deviation off at most.
+_OFFSETS = SAME_HEIGHT * np.arange(-20.0, 20.5)[:, None, None, None]
+_RATIOS = np.exp(0.4 * GAP_SIGMA * np.arange(-22.0, 22.5))[:, None, None]
 
 # Gives z of the laid cable, see `Tracks.paths` [m], where the encoder reads so at P0 [rad].
 Paths = Callable[[float], FloatArray]
@@ -119,7 +119,7 @@ def _explained(
     zero = math.remainder(origin - configured, math.tau) / math.hypot(
         NUMBERS[ZERO].doubt, place / rho
     )
-    cost = min(_tail(zero), AS_WELL) + _tail(first.z / place)
+    cost = min(float(_tail(zero)), AS_WELL) + float(_tail(first.z / place))
     others = [band for band in bands if band is not first]
     offsets, ratios = _OFFSETS[:, 0, 0, 0], _RATIOS[:, 0, 0]
     total = _tail(offsets / OFFSET_SIGMA)[:, None] + _tail(np.log(ratios) / GAP_SIGMA)

@@ -298,7 +298,7 @@ class Tracker:
             guide_doubt=guide_doubt(self._setup, self.state),
             judged=self._checks.covers(self._log)
             and self._explained_at < self._frames
-            and self._start.told,
+            and self._start.certain,
         )
 
     def explain(self) -> None:
