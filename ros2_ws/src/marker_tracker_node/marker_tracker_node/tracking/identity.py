@@ -99,7 +99,7 @@ def identified(
         by_feed = replace(by_feed, offset=0.0, cost=by_feed.cost + SURE**2)
         found.append(min(by_guide, by_feed, key=lambda one: one.cost))
     found.sort(key=lambda one: one.cost)
-    alone = len(found) == 1 or (len(found) > 1 and found[1].cost - found[0].cost > SURE**2)
+    alone = len(found) == 1 or (len(found) > 1 and found[1].cost - found[0].cost > AS_WELL)
     return found[0] if alone else None
 
 
