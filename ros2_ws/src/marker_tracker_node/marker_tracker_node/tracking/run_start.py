@@ -62,7 +62,7 @@ class RunStart:
         self._doubts = PictureDoubts(config)
         self._misplaced = MisplacedCamera(config)
         self._begun = self._looked = math.nan
-        self._judged, self._set = -math.inf, 0.0
+        self._judged = self._set = 0.0
         self.certain = colour is not None
         self._identified: Identified | None = None
         self._followed = self.proven = colour is not None
@@ -96,9 +96,9 @@ class RunStart:
             self._sample(frame, setup, 0.0 if math.isnan(at) else at)
         if math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
             self._looked = angle
-            if not (self.proven and self.certain):
+            if not self.proven or self._ambiguous:
                 self._search.add(frame, setup, angle)
-            void = not self.certain and self._identify(frame, setup, angle, guide, state)
+            void = self._ambiguous and self._identify(frame, setup, angle, guide, state)
             void |= not self.proven and self._look(frame, setup, angle, guide)
             void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle, guide)
         if self.colour is not None and not self.posed:
@@ -113,7 +113,7 @@ class RunStart:
         self._followed |= seen and turned > 2.0 * PROOF_ADVANCE
         changed = not self.posed and self.zero.saw(t, out)
         posed = self.posed or self.zero.done
-        self.done = self.proven and self.certain and posed and self._misplaced.done
+        self.done = self.proven and not self._ambiguous and posed and self._misplaced.done
         return changed
 
     def overdue(self, angle: float) -> bool:
@@ -178,6 +178,12 @@ class RunStart:
         self.proven = self.colour is not None and far
         return False
 
+    @property
+    def _ambiguous(self) -> bool:
+        """Whether P0 may be another band yet; once all have landed no news comes."""
+        last = math.tau + (self._config.marker_count + 1) * self._config.expected_gap
+        return not self.certain and not abs(self._looked - self._begun) > last
+
     def _identify(
         self, frame: ByteArray, setup: Setup, angle: float, guide: float, state: TrackerState
     ) -> bool:
@@ -186,7 +192,7 @@ class RunStart:
         Return whether what was taken for P0 so far, or for markers, is something else.
         """
         bands, way = self._search.proven, abs(angle - self._begun)
-        if way < max(math.tau + setup.usable_azimuth, self._judged + PROOF_ADVANCE):
+        if way < max(math.tau + setup.usable_azimuth, 1.1 * self._judged):
             return False
         self._judged = way
         if not bands:
@@ -245,6 +251,7 @@ class RunStart:
 
     def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
         if self._followed and not self.certain:
+            self._misplaced.done = not self._ambiguous
             return False
         followed = -self.origin if self._followed else math.nan
         doubt = self._misplaced.add(
