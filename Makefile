@@ -47,7 +47,7 @@ $(WHOLE): $(STAMP)
 	touch $@
 
 $(SHORT): $(STAMP)
-	$(PIP) --editable '.[$(EXTRAS),dev]'
+	$(PIP) --editable '.[$(EXTRAS),arm,dev]'
 	$(if $(NOBLE),$(PIP) opencv-contrib-python-headless)
 	touch $@
 

@@ -66,15 +66,7 @@ class Studio:
         self.path = CablePath(theta=self.lay.path_theta, z=self.lay.path_z)
         known = ~np.isnan(self.lay.marker_theta)
         self.theta = self.lay.marker_theta[known]
-        info = self.config.calibration()
-        self.camera = PinholeCamera(
-            width=info.width,
-            height=info.height,
-            k=info.k,
-            d=info.d,
-            roi=info.roi,
-            binning=info.binning,
-        )
+        self.camera = PinholeCamera(**vars(self.config.calibration()))
 
     def frame(self, t: float, seed: int) -> np.ndarray:
         angle, guide = DRIVE.positions(t)

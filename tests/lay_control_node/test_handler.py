@@ -15,7 +15,7 @@ from lay_control_node.ros.message_handler import Clocks, LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlBasis, ControlMode
 from winding_core.machine.axes import MachineAxes
-from winding_core.machine.readings import AxisReading
+from winding_core.machine.readings import AxisReading, GuidePlace
 from winding_core.markers import MARKER_DTYPE
 from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud, encode_cloud
@@ -396,10 +396,12 @@ print([name for name in set(sys.modules) - before if name.startswith(ours)])
 def bad_messages() -> list[Any]:
     reading = DRIVE.reading_at(1.0)
     nowhere = replace(reading, cylinder_angle=math.nan)
+    inside = replace(reading, guide=GuidePlace(x=0.001, y=0.0))
     good = encode_joint_state(1.0, reading)
     wrong = encode_cloud(1.0, np.zeros(1, dtype=[("x", "<f4"), ("y", "<f4")]))
     return [
         pytest.param(topics.JOINT_STATES, encode_joint_state(1.0, nowhere), id="no angle"),
+        pytest.param(topics.JOINT_STATES, encode_joint_state(1.0, inside), id="guide in the cable"),
         pytest.param(topics.JOINT_STATES, good[: len(good) // 2], id="half a joint state"),
         pytest.param(topics.JOINT_STATES, b"", id="empty joint state"),
         pytest.param(topics.TENSION, encode_tension(1.0, math.inf), id="infinite pull"),

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from in_process import winding
 
-from winding_cli.app import SUMMARIES, _installed
+from winding_cli.app import COMMANDS, _installed
 from winding_cli.terminal import console
 from winding_cli.terminal.console import busy
 
@@ -67,7 +67,7 @@ NOT_GOOD = {
 
 def test_every_command_is_tried() -> None:
     tried = {words.split()[0] for words in REFUSED}
-    assert tried >= {*SUMMARIES, *_installed()} - {"cell"}
+    assert tried >= {*COMMANDS, *_installed()} - {"cell"}
 
 
 @pytest.mark.parametrize(

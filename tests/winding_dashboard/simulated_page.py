@@ -10,6 +10,7 @@ import httpx
 
 from winding_core.cable.condition import OWN, Condition
 from winding_core.cable.wound_label import WoundLabel
+from winding_core.machine.drum import Drum
 from winding_core.run_options import OperatorLimits
 from winding_core.status import Level, Status
 from winding_dashboard.page.commands import Choice, CommandError, Graph
@@ -43,10 +44,13 @@ class Machine:
     def unavailable(self, command: str) -> str:
         return self.missing
 
-    async def command(self, command: str) -> str:
+    def _carry_out(self, what: str) -> None:
         if self.refusal:
             raise CommandError(self.refusal)
-        self.done.append(command)
+        self.done.append(what)
+
+    async def command(self, command: str) -> str:
+        self._carry_out(command)
         return "done"
 
     def unprepared(self) -> str:
@@ -57,27 +61,21 @@ class Machine:
 
     async def prepare(self, choice: Choice, tell: Callable[[str], None]) -> str:
         tell("building")
-        if self.refusal:
-            raise CommandError(self.refusal)
         what = choice.condition
         own = " ".join(f"{name}={getattr(what, name):g}" for name in OWN if getattr(what, name))
         take_up = "take up" if choice.take_up else ""
-        self.done.append(f"prepare {what.case} {what.law} {own} {take_up}".strip())
+        self._carry_out(f"prepare {what.case} {what.law} {own} {take_up}".strip())
         return ""
 
     def unrecorded(self) -> str:
         return self._unrecorded
 
     async def record(self, on: bool) -> str:
-        if self.refusal:
-            raise CommandError(self.refusal)
-        self.done.append("record" if on else "end")
+        self._carry_out("record" if on else "end")
         return "recording into bag" if on else "bag: 7 messages"
 
     async def play(self, **asked: object) -> str:
-        if self.refusal:
-            raise CommandError(self.refusal)
-        self.done.append(f"play {asked}")
+        self._carry_out(f"play {asked}")
         return ""
 
     async def renew(self) -> str:
@@ -94,9 +92,12 @@ class Clock:
         return self.now
 
 
-def fresh_state() -> ViewState:
+def fresh_state(reached: str = "") -> ViewState:
+    """Return what is known of active nodes, and of a machine that is in a phase."""
     state = ViewState(nodes=NODES, machine="winding_rig", solver="cable_fem")
     state.health.lifecycle = dict.fromkeys(NODES, "active")
+    if reached:
+        phase(state, reached)
     return state
 
 
@@ -109,9 +110,9 @@ def phase(
     state.note_statuses(time.monotonic() - ago, [status])
 
 
-def wound(state: ViewState, condition: Condition) -> None:
-    """Let the solver say what is wound."""
-    values = WoundLabel.of(condition.resolved()).values()
+def wound(state: ViewState, condition: Condition, drum: Drum | None = None) -> None:
+    """Let the solver report what is wound, and on which drum."""
+    values = WoundLabel.of(condition.resolved(), drum).values()
     status = Status(name="cable_fem", message="following the machine", values=values)
     state.health.note(time.monotonic(), [status])
 
@@ -142,9 +143,11 @@ class Desk:
         graph: What is commanded.
     """
 
-    def __init__(self, state: ViewState, graph: Graph, **given: Any) -> None:
-        self.served = served(state, graph, **given)
-        self.graph = graph
+    def __init__(
+        self, state: ViewState | None = None, graph: Graph | None = None, **given: Any
+    ) -> None:
+        self.graph = graph or Machine()
+        self.served = served(state or fresh_state(), self.graph, **given)
         app = application(self.served, Templates().page(), token="", host="127.0.0.1")
         self._transport = httpx.ASGITransport(app=app)
 
@@ -175,10 +178,7 @@ class Desk:
 
 def at_desk(state: ViewState | None = None, machine: Machine | None = None, **given: Any) -> Desk:
     """Return a desk whose solver has reported what it is set to."""
-    if state is None:
-        state = fresh_state()
-        phase(state, "idle")
-    desk = Desk(state, machine or Machine(), **given)
+    desk = Desk(state or fresh_state("idle"), machine, **given)
     asyncio.run(desk.served.session.learn_choice())
     return desk
 

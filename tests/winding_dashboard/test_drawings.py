@@ -9,10 +9,12 @@ import cv2
 import numpy as np
 import pytest
 from controlled_page import note_run
-from simulated_page import fresh_state
+from simulated_page import fresh_state, wound
 
 import winding_dashboard
+from winding_core.cable.condition import Condition
 from winding_core.lay.records import LAY_DTYPE, ControlMode, LayFlag, LayRecords
+from winding_core.machine.drum import Drum
 from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.markers import CABLE_DTYPE, MarkerFlag, wound_markers
 from winding_dashboard.drawings.camera_overlay import band_overlay, lay_overlay, measured_count
@@ -272,6 +274,21 @@ def test_cylinder_hides_what_is_behind_it_and_everything_is_in_the_picture() -> 
             u, v = map(float, point.split(","))
             assert 0.0 <= u <= SIZE[0]
             assert 0.0 <= v <= SIZE[1]
+
+
+def test_flanges_stand_at_both_ends_of_what_is_wound_between_them() -> None:
+    state, drum = fresh_state(), Drum(radius=0.015, width=0.13, flange_height=0.02)
+    note_run(state, 30.0, ControlMode.DRIVE)
+    wound(state, Condition(case=4), drum)
+    drawn = cylinder_drawing(state, Sight(yaw=0.0, pitch=0.0))
+    rims = re.findall(r'<ellipse cx="([\d.]+)" cy="[\d.]+" rx="[\d.]+" ry="([\d.]+)"', drawn)
+    places, heights = np.array(rims, dtype=float).T
+    high, inner = heights.max(), heights.min()
+    # Coordinates have a decimal; the width is 8.7 radii.
+    assert high / inner == pytest.approx(drum.flange_radius / drum.radius, rel=3e-3)
+    scale = inner / drum.radius
+    assert np.ptp(places[heights == high]) == pytest.approx(drum.width * scale, abs=0.6)
+    assert drawn.index("<ellipse") < drawn.index("<polyline") < drawn.rindex("<ellipse")
 
 
 def test_nothing_known_is_nothing_drawn() -> None:

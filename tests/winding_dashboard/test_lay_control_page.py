@@ -6,7 +6,7 @@ import time
 import numpy as np
 import pytest
 from controlled_page import Controlled, note_run
-from simulated_page import Desk, fresh_state, phase
+from simulated_page import Desk, fresh_state
 
 from winding_core.lay.errors import turn_errors, turn_state
 from winding_core.lay.records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
@@ -21,8 +21,7 @@ DRIVE, WATCH = ControlMode.DRIVE, ControlMode.WATCH
 
 
 def controlled(theta: float = 5.5 * TURN, mode: ControlMode = DRIVE) -> ViewState:
-    state = fresh_state()
-    phase(state, "winding")
+    state = fresh_state("winding")
     note_run(state, theta, mode)
     return state
 
@@ -133,8 +132,7 @@ def test_curves_are_in_turns_and_millimetres() -> None:
 
 
 def test_graph_without_a_controller_has_no_such_panel() -> None:
-    state = fresh_state()
-    phase(state, "winding")
+    state = fresh_state("winding")
     assert Desk(state, Controlled(state)).look()["hidden"]["control-card"]
 
 
@@ -184,8 +182,7 @@ def test_leaving_a_machine_that_winds_is_asked_about_first() -> None:
 
 
 def test_driving_is_asked_about_and_a_standing_machine_is_left_at_once() -> None:
-    state = fresh_state()
-    phase(state, "idle")
+    state = fresh_state("idle")
     state.note_statuses(
         time.monotonic(), [Status(name="lay_control", level=Level.OK, values={"mode": "watch"})]
     )

@@ -23,14 +23,13 @@ def recorded(state: ViewState, bag: str) -> None:
 
 
 def test_recording_is_begun_and_shown() -> None:
-    machine, state = Machine(), fresh_state()
-    phase(state, "winding")
-    desk = Desk(state, machine)
+    state = fresh_state("winding")
+    desk = Desk(state)
     assert desk.look()["texts"]["recorded"] == "nothing is being recorded"
     assert desk.look()["hidden"]["recording"]
     # It stays true whatever becomes of the recording.
     assert desk.ask("/record", on=True).endswith("recording: begun")
-    assert machine.done == ["record"]
+    assert desk.graph.done == ["record"]
     recorded(state, "bag-2")
     seen = desk.look()
     assert seen["texts"]["recorded"] == "into bag-2: 12 345 messages, 67.8 MB"
@@ -46,7 +45,7 @@ def test_recording_ends_with_its_session() -> None:
         time.monotonic(),
         [Status(name="orchestrator: run", message=failure, values={"phase": "failed"})],
     )
-    seen = Desk(state, Machine()).look()
+    seen = Desk(state).look()
     assert seen["texts"]["recorded"] == "nothing is being recorded"
     assert seen["hidden"]["recording"]
     assert failure in seen["parts"]["band"]
@@ -55,7 +54,7 @@ def test_recording_ends_with_its_session() -> None:
 def test_ending_a_recording_asks_while_the_machine_winds_and_not_when_it_stands() -> None:
     state = fresh_state()
     recorded(state, "bag")
-    desk = Desk(state, Machine())
+    desk = Desk(state)
     phase(state, "winding")
     assert desk.look()["ask"]["record"] == "ask-record"
     phase(state, "idle")
@@ -63,15 +62,14 @@ def test_ending_a_recording_asks_while_the_machine_winds_and_not_when_it_stands(
 
 
 def test_ending_a_recording_reports_what_is_in_it() -> None:
-    machine = Machine()
-    desk = Desk(fresh_state(), machine)
+    desk = Desk()
     assert desk.ask("/record", on=False).endswith("recording: bag: 7 messages")
-    assert machine.done == ["end"]
+    assert desk.graph.done == ["end"]
 
 
 def test_recording_that_nobody_serves_is_off_with_a_reason() -> None:
     reason = "nobody serves recorder/record in /winding"
-    seen = Desk(fresh_state(), Machine(unrecorded=reason)).look()
+    seen = Desk(graph=Machine(unrecorded=reason)).look()
     assert seen["off"]["record"] == reason
     assert seen["texts"]["recorded"] == reason
 
@@ -90,8 +88,7 @@ def test_chosen_case_and_law_are_prepared() -> None:
 
 
 def test_preparing_over_a_run_asks_first() -> None:
-    state = fresh_state()
-    phase(state, "finished")
+    state = fresh_state("finished")
     desk = at_desk(state)
     assert desk.look()["ask"]["prepare"] == ""
     state.time = 20.0
@@ -99,9 +96,7 @@ def test_preparing_over_a_run_asks_first() -> None:
 
 
 def test_nothing_is_chosen_while_the_machine_winds() -> None:
-    state = fresh_state()
-    phase(state, "winding")
-    desk = at_desk(state)
+    desk = at_desk(fresh_state("winding"))
     reason = "cannot be chosen while the machine is winding"
     assert desk.look()["off"]["prepare"] == reason
     assert reason in desk.ask("/prepare", form=form(9))
@@ -142,20 +137,19 @@ def test_refused_preparation_shows_the_reason_beside_its_button() -> None:
 
 
 def test_commands_reach_the_machine() -> None:
-    machine = Machine()
-    desk = Desk(fresh_state(), machine)
+    desk = Desk()
     for name in (commands.START, commands.STOP, commands.EMERGENCY_STOP):
         assert desk.ask(f"/command/{name}").endswith(": done")
-    assert machine.done == [commands.START, commands.STOP, commands.EMERGENCY_STOP]
+    assert desk.graph.done == [commands.START, commands.STOP, commands.EMERGENCY_STOP]
 
 
 def test_reset_asks_first_and_begins_a_new_run() -> None:
-    machine, state = Machine(), fresh_state()
+    state = fresh_state()
     state.measured[CABLE_TENSION] = 3.0
-    desk = Desk(state, machine)
+    desk = Desk(state)
     assert desk.look()["ask"]["reset"] == "ask-reset"
     desk.ask("/command/reset")
-    assert machine.done == [commands.RESET, "renew"]
+    assert desk.graph.done == [commands.RESET, "renew"]
     assert math.isnan(state.measured[CABLE_TENSION])
 
 
@@ -169,7 +163,7 @@ def test_refused_reset_keeps_what_is_shown() -> None:
 
 
 def test_every_browser_reads_what_the_last_request_came_to() -> None:
-    desk = Desk(fresh_state(), Machine(refusal="cannot stop while the machine is in idle"))
+    desk = Desk(graph=Machine(refusal="cannot stop while the machine is in idle"))
     desk.ask("/command/stop")
     assert desk.look()["texts"]["answer"].endswith("stop: cannot stop while the machine is in idle")
 
@@ -184,11 +178,10 @@ def test_stops_are_offered_even_where_nothing_else_can_be_commanded() -> None:
 
 
 def test_played_recording_has_nothing_to_command_prepare_or_record() -> None:
-    state, graph = fresh_state(), Machine()
-    phase(state, "winding")
+    state = fresh_state("winding")
     recorded(state, "bag-7")
     state.player = "bag_player"
-    seen = Desk(state, graph).look()
+    seen = Desk(state).look()
     reason = "a recording is played; there is no machine"
     commanded = ("start", "stop", "reset", "emergency_stop", "record", "mode-drive")
     assert {seen["off"][name] for name in commanded} == {reason}
@@ -204,9 +197,8 @@ def test_played_recording_has_nothing_to_command_prepare_or_record() -> None:
 
 
 def test_reason_why_start_is_off_stands_in_words() -> None:
-    state = fresh_state()
-    phase(state, "finished")
-    seen = Desk(state, Machine()).look()
+    state = fresh_state("finished")
+    seen = Desk(state).look()
     assert seen["off"]["start"] == "the run is finished; reset first"
     assert seen["texts"]["why-off"] == "Start is off: the run is finished; reset first"
     assert seen["off"]["emergency_stop"] == ""
@@ -245,21 +237,19 @@ def test_start_is_offered_by_a_page_that_knows_the_present_alone(known: Any, rea
     state = fresh_state()
     known(state)
     moment = time.monotonic()
-    seen = Desk(state, Machine(), clock=lambda: moment).look()
+    seen = Desk(state, clock=lambda: moment).look()
     assert seen["off"]["start"] == reason
     assert seen["off"]["stop"] == seen["off"]["emergency_stop"] == ""
 
 
 def test_busy_node_does_not_hold_the_start_back() -> None:
-    state = fresh_state()
-    phase(state, "idle")
+    state = fresh_state("idle")
     state.health.lifecycle["cable_fem"] = "no answer"
-    assert Desk(state, Machine()).look()["off"]["start"] == ""
+    assert Desk(state).look()["off"]["start"] == ""
 
 
 def test_form_is_checked_before_the_present_run_is_given_up() -> None:
-    state = fresh_state()
-    phase(state, "finished")
+    state = fresh_state("finished")
     state.time = 17.0
     desk = at_desk(state)
     wrong = form(0, **{**OWN_FIELDS, "cable_diameter_mm": 250})
@@ -294,41 +284,38 @@ def test_empty_field_is_refused_by_its_name(path: str, asked: dict, sentence: st
 
 @pytest.mark.parametrize("name", ["start", "reset"])
 def test_what_was_asked_before_an_old_picture_is_not_done(name: str) -> None:
-    clock, machine = Clock(), Machine()
-    desk = Desk(fresh_state(), machine, clock=clock)
+    clock = Clock()
+    desk = Desk(clock=clock)
     seen = desk.look()
     clock.now += SEEN_WITHIN + 1.0
     body = {"server": seen["server"], "sequence": seen["sequence"]}
     answer = desk.request("POST", f"/command/{name}", json=body).json()["answer"]
     assert answer.endswith(f"{name}: nothing was done, for the page was 6 s old; look again")
-    assert machine.done == []
+    assert desk.graph.done == []
 
 
 def test_two_requests_after_one_look_are_both_carried_out() -> None:
-    machine = Machine()
-    desk = Desk(fresh_state(), machine)
+    desk = Desk()
     seen = desk.look()
     body = {"server": seen["server"], "sequence": seen["sequence"]}
     for name in ("start", "reset"):
         desk.request("POST", f"/command/{name}", json=body)
-    assert machine.done == [commands.START, commands.RESET, "renew"]
+    assert desk.graph.done == [commands.START, commands.RESET, "renew"]
 
 
 @pytest.mark.parametrize("name", ["stop", "emergency_stop"])
 def test_stops_are_carried_out_whatever_was_seen(name: str) -> None:
-    machine = Machine()
-    desk = Desk(fresh_state(), machine)
+    desk = Desk()
     assert desk.request("POST", f"/command/{name}", json={}).status_code == 200
-    assert machine.done == [name]
+    assert desk.graph.done == [name]
 
 
 def test_request_of_another_server_is_of_the_past() -> None:
-    machine = Machine()
-    desk = Desk(fresh_state(), machine, server="second")
+    desk = Desk(server="second")
     seen = desk.look()
     body = {"server": "first", "sequence": seen["sequence"]}
     assert "too old" in desk.request("POST", "/command/start", json=body).json()["answer"]
-    assert machine.done == []
+    assert desk.graph.done == []
 
 
 @pytest.mark.parametrize(
@@ -343,14 +330,13 @@ def test_request_of_another_server_is_of_the_past() -> None:
     ],
 )
 def test_request_that_is_none_is_refused(path: str, given: dict, status: int) -> None:
-    machine = Machine()
-    answer = Desk(fresh_state(), machine).request("POST", path, **given)
-    assert answer.status_code == status
-    assert machine.done == []
+    desk = Desk()
+    assert desk.request("POST", path, **given).status_code == status
+    assert desk.graph.done == []
 
 
 def test_an_address_that_does_not_exist_is_not_found() -> None:
-    answer = Desk(fresh_state(), Machine()).request("GET", "/report")
+    answer = Desk().request("GET", "/report")
     assert answer.status_code == 404
     assert "there is no page /report" in answer.text
 
@@ -389,14 +375,13 @@ def playing(position: float, *, paused: bool = False) -> ViewState:
 
 
 def test_playback_shows_its_place_and_goes_where_it_is_sent() -> None:
-    machine = Machine()
-    desk = Desk(playing(7.25, paused=True), machine)
+    desk = Desk(playing(7.25, paused=True))
     seen = desk.look()
     assert seen["playback"] == {"position": 7.25, "length": 42.5, "paused": 1.0}
     assert not seen["hidden"]["playback"]
     desk.ask("/playback", position=31.5)
     desk.ask("/playback", paused=False)
-    assert machine.done == ["play {'position': 31.5}", "play {'paused': False}"]
+    assert desk.graph.done == ["play {'position': 31.5}", "play {'paused': False}"]
     assert "playback: give a position" in desk.ask("/playback", position="far")
     refused = Desk(playing(1.0), Machine(refusal="bag_player: position must be from 0 to 42.5 s"))
     assert refused.ask("/playback", position=99).endswith("must be from 0 to 42.5 s")
@@ -408,6 +393,6 @@ def test_page_of_a_machine_or_of_another_player_has_no_slider() -> None:
         state.player = player
         if not known:
             state.health.forget("bag_player")
-        seen = Desk(state, Machine()).look()
+        seen = Desk(state).look()
         assert seen["playback"] is None
         assert seen["hidden"]["playback"]

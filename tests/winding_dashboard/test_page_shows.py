@@ -89,8 +89,7 @@ def test_silence_of_everything_is_an_age() -> None:
 
 
 def running() -> ViewState:
-    state = fresh_state()
-    phase(state, "winding")
+    state = fresh_state("winding")
     wound(state, Condition(case=4, duration=20.0))
     for t, angle, speed in ((0.0, 0.0, 0.0), (12.3, 20.0, 1.74)):
         state.note_axes(
@@ -113,7 +112,7 @@ def running() -> ViewState:
 
 
 def test_numbers_of_the_run_are_shown() -> None:
-    seen = Desk(running(), Machine()).look()
+    seen = Desk(running()).look()
     parts = seen["parts"]
     assert seen["texts"]["clock"] == "12.3 s"
     for text in ("1.740", "5.00", "3.92", "75%, 3: 25%"):
@@ -123,7 +122,7 @@ def test_numbers_of_the_run_are_shown() -> None:
 
 
 def test_band_says_state_condition_and_progress_and_judges_no_run_that_goes_on() -> None:
-    band = Desk(running(), Machine(), error_limit_pct=1.1).look()["parts"]["band"]
+    band = Desk(running(), error_limit_pct=1.1).look()["parts"]["band"]
     for text in (
         "WINDING", "CASE 4", "cylinder 30 mm, cable 4 mm, 3.92 N", "62 %",
         "12.3 of 20 s machine time, 8 s left", "no run is over",
@@ -134,7 +133,7 @@ def test_band_says_state_condition_and_progress_and_judges_no_run_that_goes_on()
 
 
 def test_limit_that_an_operator_sets_holds_from_then_on() -> None:
-    desk = Desk(running(), Machine())
+    desk = Desk(running())
     desk.ask("/limits", limits={"error_limit_pct": 2.0})
     assert desk.look()["limits"]["error_limit_pct"] == 2.0
 
@@ -160,7 +159,7 @@ def test_verdict_is_the_record_of_the_run_in_its_colour(verdict: str, style: str
     state = running()
     phase(state, "finished")
     concluded(state, verdict, "ended by the machine after 1.38 of 6.10 turns", "3 frames lost")
-    band = Desk(state, Machine()).look()["parts"]["band"]
+    band = Desk(state).look()["parts"]["band"]
     cell = f'<div class="cell {style}" data-part="verdict"><p class="word">{verdict.upper()}<'
     assert cell in band
     assert "ended by the machine after 1.38 of 6.10 turns; 3 frames lost" in band
@@ -170,7 +169,7 @@ def test_verdict_is_the_record_of_the_run_in_its_colour(verdict: str, style: str
 def test_verdict_of_a_run_that_was_dropped_does_not_come_back() -> None:
     state = running()
     phase(state, "finished")
-    desk = Desk(state, Machine())
+    desk = Desk(state)
     concluded(state, "good", "completed: 7.77 of 7.77 turns")
     assert "GOOD" in desk.look()["parts"]["band"]
     desk.ask("/command/reset")
@@ -201,7 +200,7 @@ def test_prepared_or_refused_condition_ends_what_was_shown_of_the_run_before(ref
 def test_node_that_is_down_is_named_and_no_machine_winds(name: str) -> None:
     state = running()
     state.health.lifecycle[name] = "finalized"
-    band = Desk(state, Machine()).look()["parts"]["band"]
+    band = Desk(state).look()["parts"]["band"]
     assert "NODES DOWN" in band
     assert f"{name} is finalized; the cylinder turns" in band
     assert "WINDING" not in band
@@ -211,7 +210,7 @@ def test_latched_stop_goes_before_another_node_that_is_down() -> None:
     state = running()
     phase(state, "protective stop", Level.ERROR, reason="encoder jumps")
     state.health.lifecycle["cable_fem"] = "inactive"
-    assert "P-STOP" in Desk(state, Machine()).look()["parts"]["band"]
+    assert "P-STOP" in Desk(state).look()["parts"]["band"]
 
 
 def test_silent_encoders_are_neither_winding_nor_ready() -> None:
@@ -219,14 +218,14 @@ def test_silent_encoders_are_neither_winding_nor_ready() -> None:
     phase(state, "")
     for now in (0.0, 2.0):
         state.tick(now)
-    band = Desk(state, Machine()).look()["parts"]["band"]
+    band = Desk(state).look()["parts"]["band"]
     assert "the encoders are silent; last heard 1.74 rad/s" in band
     assert "WINDING" not in band
     assert "READY" not in band
 
 
 def test_refused_limit_names_value_and_bound_and_changes_nothing() -> None:
-    desk = Desk(running(), Machine())
+    desk = Desk(running())
     answer = desk.ask("/limits", limits={"error_limit_pct": -3.0})
     assert "Error of a length, % must be positive, got -3" in answer
     assert desk.look()["limits"]["error_limit_pct"] == 4.8
@@ -237,7 +236,7 @@ def test_finished_machine_stands_after_as_much_as_was_wound() -> None:
     phase(state, "finished")
     for now in (0.0, 2.0):
         state.tick(now)
-    parts = Desk(state, Machine()).look()["parts"]
+    parts = Desk(state).look()["parts"]
     assert '<div class="cell stopped" data-part="state"><p class="word">FINISHED<' in parts["band"]
     assert "62 %" in parts["band"]
     assert "left" not in parts["band"]
@@ -254,14 +253,14 @@ def test_stopped_run_shows_where_it_stands() -> None:
         13.0,
         AxisReading(cylinder_angle=20.4, angular_speed=0.0, carriage_position=0.06, feed_speed=0.0),
     )
-    band = Desk(state, Machine()).look()["parts"]["band"]
+    band = Desk(state).look()["parts"]["band"]
     assert "STOPPED" in band
     assert "stopped at 13.0 s" in band
 
 
 def test_changes_are_shown() -> None:
     state = fresh_state()
-    desk = Desk(state, Machine())
+    desk = Desk(state)
     assert "NO DATA" in desk.look()["parts"]["band"]
     phase(state, "emergency stop", Level.ERROR, reason="pressed")
     band = desk.look()["parts"]["band"]
@@ -275,27 +274,27 @@ def test_warnings_stand_beside_start() -> None:
         name="cable_fem", level=Level.WARN, message="prediction: 90 N is more than the cable bears"
     )
     state.health.note(0.0, [warning])
-    desk = Desk(state, Machine(), clock=lambda: 0.5)
+    desk = Desk(state, clock=lambda: 0.5)
     assert "cable_fem: prediction: 90 N is more than" in desk.look()["parts"]["alerts"]
 
 
 def test_source_that_falls_silent_while_time_goes_on_is_marked_with_its_age() -> None:
     state = running()
-    assert " old" not in Desk(state, Machine()).look()["parts"]["markers"]
+    assert " old" not in Desk(state).look()["parts"]["markers"]
     state.note_axes(
         15.4,
         AxisReading(
             cylinder_angle=25.0, angular_speed=1.74, carriage_position=0.07, feed_speed=0.005
         ),
     )
-    parts = Desk(state, Machine()).look()["parts"]
+    parts = Desk(state).look()["parts"]
     assert "3 s old" in parts["markers"]
     assert "load cell, 3 s of machine time old" in parts["figures"]
 
 
 def test_material_is_shown_with_its_half_width() -> None:
     state = fresh_state()
-    desk = Desk(state, Machine())
+    desk = Desk(state)
     assert desk.look()["texts"]["material"] == "Effective modulus: no marker is measured yet"
     state.material = MaterialReport(
         law="neo_hookean",
@@ -314,9 +313,9 @@ def test_material_is_shown_with_its_half_width() -> None:
 
 def test_topic_without_a_part_of_the_page_stands_in_a_plain_row() -> None:
     state = fresh_state()
-    assert Desk(state, Machine()).look()["hidden"]["others-card"]
+    assert Desk(state).look()["hidden"]["others-card"]
     state.note_other("rig/humidity", 0.42)
-    seen = Desk(state, Machine()).look()
+    seen = Desk(state).look()
     assert "rig/humidity</th><td>0.42<" in seen["parts"]["others"]
     assert not seen["hidden"]["others-card"]
 
@@ -325,7 +324,7 @@ def test_text_from_the_graph_is_text_and_never_markup() -> None:
     state = fresh_state()
     phase(state, "<b>idle</b>", Level.WARN, reason="<script>")
     state.note_other("chatter", "<script>")
-    parts = Desk(state, Machine()).look()["parts"]
+    parts = Desk(state).look()["parts"]
     assert "&lt;b&gt;idle&lt;/b&gt;" in parts["nodes"]
     for part in parts.values():
         assert "<b>" not in part
@@ -334,12 +333,12 @@ def test_text_from_the_graph_is_text_and_never_markup() -> None:
 
 @pytest.mark.parametrize("query", ["?marker=99", "?marker=x", "?yaw=91", "?pitch=nan"])
 def test_view_that_cannot_be_is_refused(query: str) -> None:
-    answer = Desk(fresh_state(), Machine()).request("GET", f"/snapshot{query}")
+    answer = Desk().request("GET", f"/snapshot{query}")
     assert answer.status_code == 400
 
 
 def test_cases_that_differ_by_weight_differ_in_their_first_letters() -> None:
-    page = Desk(fresh_state(), Machine()).request("GET", "/").text
+    page = Desk().request("GET", "/").text
     for case, weight in ((7, "1.96"), (8, "3.92")):
         assert (
             f'<option value="{case}">{case}: {weight} N, cylinder 60, cable 2 mm</option>' in page
@@ -347,7 +346,7 @@ def test_cases_that_differ_by_weight_differ_in_their_first_letters() -> None:
 
 
 def test_every_part_of_a_snapshot_has_its_element_on_the_page() -> None:
-    desk = Desk(running(), Machine())
+    desk = Desk(running())
     page, seen = desk.request("GET", "/").text, desk.look()
     named = [*seen["parts"], *seen["texts"], *seen["off"], *seen["hidden"], *seen["pressed"]]
     for name in [*named, *filter(None, seen["ask"].values())]:

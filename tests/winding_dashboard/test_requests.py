@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from simulated_page import Desk, Machine, fresh_state, phase
+from simulated_page import Desk, fresh_state
 
 from winding_dashboard.web.access import OF_REPORTS
 
@@ -51,9 +51,8 @@ def desk(tmp_path: Path) -> Desk:
     report = tmp_path / "one" / "report"
     report.mkdir(parents=True)
     (report / "index.html").write_text("<p>wound</p>")
-    state = fresh_state()
-    phase(state, "idle")
-    return Desk(state, Machine(), runs=tmp_path)
+    state = fresh_state("idle")
+    return Desk(state, runs=tmp_path)
 
 
 def answered(desk: Desk, method: str, path: str, **more: Any) -> int:

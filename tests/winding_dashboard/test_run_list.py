@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from simulated_page import Desk, Machine, fresh_state
+from simulated_page import Desk
 
 from winding_dashboard.page.run_list import RunList
 
@@ -100,7 +100,7 @@ def test_file_that_is_no_run_is_named_and_harms_nothing(tmp_path: Path, content:
 
 def test_page_lists_runs_and_serves_their_reports(tmp_path: Path) -> None:
     written(tmp_path, when=100.0)
-    desk = Desk(fresh_state(), Machine(), runs=tmp_path)
+    desk = Desk(runs=tmp_path)
     seen = desk.look()
     assert not seen["hidden"]["runs-card"]
     assert 'href="runs/report/index.html"' in seen["parts"]["runs"]
@@ -115,9 +115,9 @@ def test_nothing_but_reports_is_served(tmp_path: Path, path: str) -> None:
     folder = tmp_path / "runs"
     written(folder, when=100.0)
     (tmp_path / "secret").write_text("secret", encoding="utf-8")
-    answer = Desk(fresh_state(), Machine(), runs=folder).request("GET", f"/runs/{path}")
+    answer = Desk(runs=folder).request("GET", f"/runs/{path}")
     assert answer.status_code == 404
 
 
 def test_page_without_a_folder_has_no_list() -> None:
-    assert Desk(fresh_state(), Machine()).look()["hidden"]["runs-card"]
+    assert Desk().look()["hidden"]["runs-card"]

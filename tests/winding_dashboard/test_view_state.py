@@ -8,6 +8,7 @@ import pytest
 
 from winding_core.cable.condition import Condition
 from winding_core.cable.wound_label import WoundLabel
+from winding_core.machine.drum import Drum
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import CABLE_DTYPE, CORRECTED_DTYPE, MarkerFlag, wound_markers
 from winding_core.status import Level, Status
@@ -215,8 +216,9 @@ def test_source_is_as_old_as_by_the_machines_clock(state: ViewState) -> None:
     assert state.old("predicted") == 0.0
 
 
-def test_what_is_wound_is_what_the_solver_reports(state: ViewState) -> None:
+@pytest.mark.parametrize("drum", [None, Drum(radius=0.02, width=0.07, flange_height=0.01)])
+def test_what_is_wound_is_what_the_solver_reports(state: ViewState, drum: Drum | None) -> None:
     assert state.label is None
-    label = WoundLabel.of(Condition(case=9).resolved())
+    label = WoundLabel.of(Condition(case=9).resolved(), drum)
     state.health.note(0.0, [Status(name="cable_fem", values=label.values())])
     assert state.label == label

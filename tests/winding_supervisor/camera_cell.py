@@ -13,15 +13,17 @@ import sys
 import time
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import cv2
 from pictures import Pictures
 from sensor_cell import SensorCell, run_cell
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
-from winding_ros.messages.camera import encode_camera_info, encode_image
+from winding_ros.messages.camera import encode_camera_info, encode_image, encode_preview
 from winding_ros.messages.stamps import encode_stamp
+
+_JPEG = (cv2.IMWRITE_JPEG_QUALITY, 95)  # As image_transport's compressed publisher by default
 
 
 class Pause(NamedTuple):
@@ -46,6 +48,7 @@ class Cell:
     loss: float = 0.0  # Share of joint states that is never published
     jitter: float = 0.0  # Longest delay of a joint state, in order [s]
     camera_offset: float = 0.0  # Of the camera's clock [s]
+    compressed: bool = False  # Whether its frames come as JPEG, on the compressed topic
     pauses: tuple[Pause, ...] = ()  # In which the machine stands, in order
 
 
@@ -84,30 +87,28 @@ class CellNode(SensorCell):
         camera = [self.photograph] if cell.frame_rate else []
         self.begin(self.encode, partial(self.later, self.outbox), *camera)
 
-    def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        response.success = not self.latched
-        if response.success:
+    def start(self) -> bool:
+        if not self.latched:
             now = time.time()
             since = self.motion.time(now)
             self.motion = replace(self.motion, since=since, begun=now, ended=math.inf)
-        return response
+        return not self.latched
 
-    def stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+    def stop(self) -> bool:
         self.motion = replace(self.motion, ended=min(self.motion.ended, time.time()))
-        response.success = True
-        return response
+        return True
 
-    def emergency_stop(self, request: Any, response: Trigger.Response) -> Trigger.Response:
+    def emergency_stop(self) -> bool:
         self.latched = True
-        return self.stop(request, response)
+        return self.stop()
 
-    def reset(self, _: Any, response: Trigger.Response) -> Trigger.Response:
+    def reset(self) -> bool:
         now = time.time()
-        self.latched, response.success = False, not self.motion.goes_on(now)
-        if response.success:
+        self.latched, stands = False, not self.motion.goes_on(now)
+        if stands:
             angle, carriage = self.readings(self.motion, now)
             self.motion = Motion(angle=angle, carriage=carriage)
-        return response
+        return stands
 
     def readings(self, motion: Motion, now: float) -> tuple[float, float]:
         """Return what the encoders of cylinder [rad] and carriage [m] read at wall time `now`."""
@@ -153,7 +154,11 @@ class CellNode(SensorCell):
             stamp = due + cell.camera_offset
             self.infos.publish(encode_camera_info(stamp, self.pictures.calibration))
             frame = self.pictures.at(t)
-            self.images.publish(encode_image(stamp, frame))
+            if cell.compressed:
+                jpeg = cv2.imencode(".jpg", frame, _JPEG)[1]
+                self.compressed_images.publish(encode_preview(stamp, jpeg.tobytes()))
+            else:
+                self.images.publish(encode_image(stamp, frame))
 
 
 if __name__ == "__main__":

@@ -12,19 +12,17 @@ import math
 import sys
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from pictures import calibration_of
 from sensor_cell import SensorCell, run_cell
 from sensor_msgs.msg import JointState
-from std_srvs.srv import Trigger
 
 from winding_core.cable.cases import paper_case
 from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
+from winding_rig_node.ros.camera import reading_of
 from winding_ros.messages.camera import encode_camera_info, encode_image
 from winding_ros.messages.stamps import encode_stamp
 
@@ -101,7 +99,7 @@ class CommandedCell(SensorCell):
         self.target: tuple[float, float, float] | None = None
         self.create_subscription(JointState, "rig/joint_targets", self.take, 1)
         config = CameraConfig()
-        self.renderer, self.calibration = Renderer(config), calibration_of(config)
+        self.renderer, self.calibration = Renderer(config), reading_of(config.calibration())
         # The first picture compiles the renderer.
         self.picture(0.0, 0.0)
         self.begin(self.work)
@@ -111,17 +109,16 @@ class CommandedCell(SensorCell):
         at = message.name.index("slide")
         self.target = (time.time(), message.position[at], message.velocity[at])
 
-    def start(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        self.begun, response.success = time.time(), True
-        return response
+    def start(self) -> bool:
+        self.begun = time.time()
+        return True
 
-    def stop(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        self.ended, response.success = min(self.ended, time.time()), True
-        return response
+    def stop(self) -> bool:
+        self.ended = min(self.ended, time.time())
+        return True
 
-    def reset(self, _: Any, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
-        return response
+    def reset(self) -> bool:
+        return True
 
     def work(self) -> None:
         """Turn, follow, measure and photograph on an absolute schedule."""

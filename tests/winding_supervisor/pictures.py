@@ -4,13 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.condition import Condition
-from winding_core.machine.readings import ImageWindow
 from winding_rig_node.camera.cable_path import CablePath
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
 from winding_rig_node.camera.scene import Scene
 from winding_rig_node.lay.known_lay import published_lay
-from winding_ros.messages.camera import CameraReading
+from winding_rig_node.ros.camera import reading_of
 
 DURATION = 20.0  # How long every published run was wound, at least [s]
 
@@ -33,7 +32,7 @@ class Pictures:
         self._marker_theta = lay.marker_theta
         config = CameraConfig()
         self._renderer, self._noise = Renderer(config), np.random.default_rng(1)
-        self.calibration = calibration_of(config)
+        self.calibration = reading_of(config.calibration())
         window = self.calibration.window
         self.shape = (window.height // window.binning, window.width // window.binning, 3)
 
@@ -54,13 +53,3 @@ class Pictures:
             ),
             self._noise,
         )
-
-
-def calibration_of(config: CameraConfig) -> CameraReading:
-    """Return the calibration of a camera as its driver publishes it."""
-    of = config.calibration()
-    x, y, width, height = of.roi
-    window = ImageWindow(x_offset=x, y_offset=y, width=width, height=height, binning=of.binning)
-    return CameraReading(
-        width=of.width, height=of.height, matrix=of.k, distortion=of.d, window=window
-    )

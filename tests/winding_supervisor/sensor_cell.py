@@ -6,13 +6,14 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import Any
 
 import rclpy
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from sensor_msgs.msg import CameraInfo, Image, JointState
+from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState
 from std_srvs.srv import Trigger
 
 from winding_core.cable.condition import Condition
@@ -21,7 +22,8 @@ from winding_core.cable.condition import Condition
 class SensorCell(Node):
     """Publishes what its sensors measure; every thread keeps its own absolute schedule.
 
-    A cell defines start, stop and reset, and may define emergency_stop.
+    A cell defines start, stop and reset, and may define emergency_stop; each returns whether it
+    was done.
 
     Args:
         case: Row of the paper's Table 1.
@@ -35,6 +37,9 @@ class SensorCell(Node):
         self.force = self.create_publisher(WrenchStamped, "rig/tension", 100)
         if camera:
             self.images = self.create_publisher(Image, "camera/image_raw", 50)
+            self.compressed_images = self.create_publisher(
+                CompressedImage, "camera/image_raw/compressed", 50
+            )
             self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
         services = {
             "start": self.start,
@@ -44,12 +49,16 @@ class SensorCell(Node):
             "reset": self.reset,
         }
         for name, act in services.items():
-            self.create_service(Trigger, f"rig/{name}", act)
+            self.create_service(Trigger, f"rig/{name}", partial(self.answer, act))
         self.quit = threading.Event()
         self.threads: list[threading.Thread] = []
 
-    def emergency_stop(self, request: Any, response: Trigger.Response) -> Trigger.Response:
-        return self.stop(request, response)
+    def answer(self, act: Callable[[], bool], _: Any, response: Any) -> Any:
+        response.success = act()
+        return response
+
+    def emergency_stop(self) -> bool:
+        return self.stop()
 
     def begin(self, *works: Callable[[], None]) -> None:
         """Run works in a thread each; the cell is ready."""

@@ -11,6 +11,8 @@ import pytest
 
 from processes import free_port, in_namespace, running
 from winding_recorder.bags.check import check
+from winding_recorder.playback.replay import replay
+from winding_ros import topics
 
 pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
 
@@ -58,6 +60,11 @@ STYLES = {
     "a thread for each sensor, a camera, joints the other way round": Style(
         commands=lambda _: [[CELL, "{}", *IN_NAMESPACE]], options=(), first=MEASURED
     ),
+    "frames as JPEG, on the compressed topic": Style(
+        commands=lambda _: [[CELL, '{"compressed": true}', *IN_NAMESPACE]],
+        options=("--image-transport", "compressed"),
+        first=MEASURED,
+    ),
 }
 
 
@@ -98,5 +105,10 @@ def test_a_driver_that_conforms_is_enough_for_a_run(
     # A driver that gets no processor leaves gaps of its own; what it has sent is all there.
     assert [text for text in check(bag).findings if " gaps, " not in text] == []
     # The replay hears of the standing machine what the solver heard.
-    replay = command("bag", "replay", bag, "--node", "fem", cwd=tmp_path)
-    assert replay.returncode == 0, replay.stdout
+    replayed = command("bag", "replay", bag, "--node", "fem", cwd=tmp_path)
+    assert replayed.returncode == 0, replayed.stdout
+    if "--no-camera" not in style.options:
+        found = {item.topic: item for item in replay(bag, "tracker").comparisons}
+        markers = found[f"/{NAMESPACE}/{topics.TRACKED_MARKERS.name}"]
+        assert markers.missing == 0
+        assert markers.compared > 0

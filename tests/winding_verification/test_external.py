@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 from in_process import winding
-from scipy.special import jn_zeros
+from scipy.optimize import brentq
+from scipy.special import j0, jn_zeros
 
 from winding_verification.experiments import cosserat_experiments as experiments
 from winding_verification.experiments.comparison import compare, found_experiments
@@ -55,10 +56,7 @@ def cantilever(folder: Path) -> Path:
 
 def catenary(folder: Path, span: float = 0.8) -> Path:
     # A circular arc of length one hangs below the supports: not the answer.
-    low, high = 1.0e-6, math.pi
-    while high - low > 1.0e-14:
-        half = 0.5 * (low + high)
-        low, high = (half, high) if math.sin(half) / half > span else (low, half)
+    half = brentq(lambda angle: math.sin(angle) / angle - span, 1.0e-6, math.pi)
     at = np.linspace(-half, half, 401)
     across = 0.5 / half
     line = np.stack(
@@ -72,8 +70,6 @@ def catenary(folder: Path, span: float = 0.8) -> Path:
 def pendulum(folder: Path, young: float = 1.0e7) -> Path:
     # Near enough to the first swing: a hanging chain's, J0 of the root of the height.
     s = np.linspace(0.0, 1.0, 201)
-    from scipy.special import j0, jn_zeros
-
     x = 0.02 * j0(float(jn_zeros(0, 1)[0]) * np.sqrt(1.0 - s))
     strain = 1000.0 * GRAVITY * (1.0 - s) / young
     slope = np.gradient(x, s)
@@ -141,21 +137,13 @@ def capstan(folder: Path, overhang: float = 0.8, friction: float = 0.3) -> Path:
 
     def tension(m: float) -> np.ndarray:
         # dT/dphi = m T + w R (cos phi + m sin phi) from the light side on.
-        t = np.zeros_like(phi)
-        t[0] = weight * short
-        for i, step in enumerate(np.diff(phi)):
-            mid = phi[i] + 0.5 * step
-            push = weight * wrap * (math.cos(mid) + m * math.sin(mid))
-            half = t[i] + 0.5 * step * (
-                m * t[i] + weight * wrap * (math.cos(phi[i]) + m * math.sin(phi[i]))
-            )
-            t[i + 1] = t[i] + step * (m * half + push)
-        return t
+        def grown(angle: np.ndarray) -> np.ndarray:
+            return (1.0 - m**2) * np.sin(angle) - 2.0 * m * np.cos(angle)
 
-    low, high = -friction, friction
-    for _ in range(60):
-        m = 0.5 * (low + high)
-        low, high = (m, high) if tension(m)[-1] < weight * long else (low, m)
+        growth, own = np.exp(m * phi), weight * wrap / (1.0 + m**2)
+        return growth * weight * short + own * (grown(phi) - growth * grown(0.0 * phi))
+
+    m = brentq(lambda m: tension(m)[-1] - weight * long, -friction, friction)
     # Sagging sides below, the wrap on the cylinder, all as they hang stretched.
     light, heavy = np.linspace(0.0, short, 120), np.linspace(0.0, long, 400)
     stretch = weight / (young * area)

@@ -100,7 +100,8 @@ class CableFemNode(ManagedNode[FemParameters]):
         laid = float(handler.model.wound_path()[1][-1])
         behind = left_behind(handler.model.cylinder_angle, laid)
         message = f"{message}; {behind}" if behind else message
-        values |= WoundLabel.of(self.configuration.resolved()).values()
+        what = self.configuration.resolved()
+        values |= WoundLabel.of(what, self.configuration.drum(what.case)).values()
         if handler.slowness:
             values["slowness"] = handler.slowness
         refused = False

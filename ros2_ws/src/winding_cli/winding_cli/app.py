@@ -1,58 +1,44 @@
 """The application `winding`: its commands by name, each imported when it is used."""
 
+import ast
 import importlib
 from collections.abc import Iterator, Mapping
+from importlib import resources
 from importlib.metadata import EntryPoint, entry_points, version
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-# Command of the product -> first paragraph of its help, in the order of the list of commands.
-SUMMARIES = {
-    "run": "Wind one case: predict, measure, correct; end with a table and a report.",
-    "cell": "Write, check and describe cell files, which `winding run` takes.",
-    "cable": "List, show and compare the cables of the library, and add your own.",
-    "serve": "Serve run/send_goal, run/cancel_goal and run/get_result until Ctrl-C.",
-    "predict": (
-        "Predict where every marker ends up, how much cable is used, and how far to trust it."
-    ),
-    "plan": (
-        "Plan the machine's motion that lays a program, and report what is out of reach, and why."
-    ),
-    "sweep": "Wind every combination of parameters that a file describes and tabulate the results.",
-    "identify": (
-        "Identify the cable's material from tracked markers by inverse winding, or from a test."
-    ),
-    "commission": (
-        "Wind one run that is chosen for what it tells, and write the cell and the cable found."
-    ),
-    "runs": "List, show and compare the runs of a folder, and report what drifts over them.",
-    "study": "Compute Tables 2 to 8 beside the paper's, every measured marker, and compare models.",
-    "train": (
-        "Learn the correction factor h and compare it, in-sample and by case left out, with others."
-    ),
-    "render": "Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml.",
-    "track": "Track a recording and print where every marker lies.",
-    "board": "Draw the board that `winding calibrate` looks for; print it at its true size.",
-    "play-film": (
-        "Publish a film as a camera's driver does: frames with their stamps and their rhythm."
-    ),
-    "check-film": (
-        "Judge exposure, gain and light by the pictures; exit 1 where something is to be changed."
-    ),
-    "calibrate": "Fit camera matrix and distortion, and write the YAML that ROS tools read.",
-    "conform": "Listen to a running driver and report, promise by promise, what it keeps.",
-    "doctor": "Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL.",
-    "dashboard": "Serve the operator's page; Ctrl-C ends it.",
-    "health": "Listen to /diagnostics; exit 1 when a node is silent or in error.",
-    "graph": "Show the nodes, their topics and who listens.",
-    "bag": "Look into recordings, check, recover, play, replay and export them.",
-}
-
+# Commands of the product, in the order of the list of commands.
+COMMANDS = (
+    *("run", "cell", "cable", "serve", "predict", "plan", "sweep", "identify", "commission"),
+    *("runs", "study", "train", "render", "track", "board", "play-film", "check-film"),
+    *("calibrate", "conform", "doctor", "dashboard", "health", "graph", "bag"),
+)
 # Module of a command that does not have one of its own name.
 _OF_CAMERA = ("render", "board", "calibrate", "play-film", "check-film")
 _MODULES = {"health": "graph", **dict.fromkeys(_OF_CAMERA, "camera")}
+
+
+def summary(name: str) -> str:
+    """Return the first paragraph of a command's help, as its module states it."""
+    module = resources.files(f"{__package__}.commands") / f"{_module(name)}.py"
+    tree = ast.parse(module.read_text(encoding="utf-8"))
+    for item in tree.body:
+        if isinstance(item, ast.FunctionDef) and item.name == name.replace("-", "_"):
+            return (ast.get_docstring(item) or "").split("\n\n")[0]
+    return _group_help(ast.get_docstring(tree))
+
+
+def _module(name: str) -> str:
+    return _MODULES.get(name, name)
+
+
+def _group_help(docstring: str | None) -> str:
+    """Return the help of a group: its module's docstring behind the command's name."""
+    text = (docstring or "").partition(": ")[2]
+    return text[:1].upper() + text[1:]
 
 
 def _installed() -> dict[str, EntryPoint]:
@@ -64,8 +50,8 @@ class _LazyCommands(Mapping[str, Any]):
     """Commands by name, imported on access."""
 
     def __getitem__(self, name: str) -> Any:
-        if name in SUMMARIES:
-            module = f"winding_cli.commands.{_MODULES.get(name, name)}"
+        if name in COMMANDS:
+            module = f"winding_cli.commands.{_module(name)}"
             command = getattr(importlib.import_module(module), name.replace("-", "_"))
         else:
             command = _installed()[name].load()
@@ -76,10 +62,10 @@ class _LazyCommands(Mapping[str, Any]):
         return typer.main.get_command(command)
 
     def __iter__(self) -> Iterator[str]:
-        return iter((*SUMMARIES, *_installed()))
+        return iter((*COMMANDS, *_installed()))
 
     def __len__(self) -> int:
-        return len(SUMMARIES) + len(_installed())
+        return len(COMMANDS) + len(_installed())
 
 
 class _LazyGroup(TyperGroup):
@@ -94,7 +80,7 @@ class _LazyGroup(TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         late = self.commands
-        self.commands = {name: TyperCommand(name, help=text) for name, text in SUMMARIES.items()}
+        self.commands = {name: TyperCommand(name, help=summary(name)) for name in COMMANDS}
         self.commands.update({name: late[name] for name in _installed()})
         try:
             super().format_help(ctx, formatter)
@@ -102,10 +88,10 @@ class _LazyGroup(TyperGroup):
             self.commands = late
 
 
-def command_group(name: str) -> typer.Typer:
-    """Return the command of a name that consists of several, without any yet."""
+def command_group(docstring: str | None) -> typer.Typer:
+    """Return the command of a module that consists of several, without any yet."""
     return typer.Typer(
-        help=SUMMARIES[name],
+        help=_group_help(docstring),
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         add_completion=False,

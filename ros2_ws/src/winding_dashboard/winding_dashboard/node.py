@@ -22,6 +22,7 @@ from winding_ros.graph import PAGE
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.runtime.heartbeat import Heartbeat
 from winding_ros.runtime.node_parameters import (
+    DECLARED_FROM_OVERRIDES,
     add_parameter_validation,
     declare_parameters,
     read_parameters,
@@ -46,7 +47,7 @@ class DashboardNode(Node):  # type: ignore[misc]
     """
 
     def __init__(self, context: Context, **kwargs: Any) -> None:
-        super().__init__(NAME, context=context, **kwargs)
+        super().__init__(NAME, context=context, **DECLARED_FROM_OVERRIDES, **kwargs)
         self.parameters = declare_parameters(self, DashboardParameters)  # As the page was started
         # Secret that a browser must bring; empty for none. It is no parameter.
         self.token = self.parameters.token()

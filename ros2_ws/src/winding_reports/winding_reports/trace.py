@@ -12,7 +12,9 @@ import math
 from bisect import bisect_left, bisect_right
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -116,17 +118,14 @@ def length_trace(records: NDArray[np.void]) -> LengthTrace:
     camera: list[tuple[float, list[float]]] = []
     prediction: list[tuple[float, list[float]]] = []
     for corrected in published:
-        stamp, end = float(corrected["stamp"]), float(corrected["ended"])
-        taken = events.last(TraceEvent.TAKEN, Channel.PREDICTED, Station.CORRECTION, end, stamp)
-        if taken is None:
-            continue
-        ending = [float(taken["began"]), float(corrected["began"]), end]
-        for found, begin in (
-            (camera, _camera_way(events, taken)),
-            (prediction, _prediction_way(events, taken)),
-        ):
-            if begin is not None:
-                found.append((stamp, begin + ending))
+        for found, begin in ((camera, _camera_way), (prediction, _prediction_way)):
+            with suppress(_NotNotedError):
+                taken = events.last(
+                    *(TraceEvent.TAKEN, Channel.PREDICTED, Station.CORRECTION),
+                    *(corrected.ended, corrected.stamp),
+                )
+                ending = [taken.began, corrected.began, corrected.ended]
+                found.append((corrected.stamp, begin(events, taken) + ending))
     return LengthTrace(
         camera=_way("camera", CAMERA_HOPS, camera),
         prediction=_way("prediction", PREDICTION_HOPS, prediction),
@@ -134,90 +133,66 @@ def length_trace(records: NDArray[np.void]) -> LengthTrace:
     )
 
 
-def _camera_way(events: _Events, taken: np.void) -> list[float] | None:
+class _NotNotedError(LookupError):
+    """No node has noted what is asked for."""
+
+
+def _camera_way(events: _Events, taken: np.record) -> list[float]:
     """Return the beginnings of a length's hops up to the wait for the prediction."""
-    heard = events.last(
-        TraceEvent.TAKEN, Channel.TRACKED, Station.CORRECTION, float(taken["began"])
-    )
-    if heard is None:
-        return None
-    stamp = float(heard["stamp"])
+    heard = events.last(TraceEvent.TAKEN, Channel.TRACKED, Station.CORRECTION, taken.began)
     markers = events.last(
-        TraceEvent.PUBLISHED, Channel.TRACKED, Station.TRACKER, float(heard["began"]), stamp
+        *(TraceEvent.PUBLISHED, Channel.TRACKED, Station.TRACKER), heard.began, heard.stamp
     )
-    if markers is None:
-        return None
-    measured = float(markers["began"])
-    frame = events.last(TraceEvent.TAKEN, Channel.FRAME, Station.TRACKER, measured, stamp)
-    if frame is None:
-        return None
-    exposed = _exposed(events, frame)
-    if exposed is None:
-        return None
+    frame = events.last(
+        *(TraceEvent.TAKEN, Channel.FRAME, Station.TRACKER), markers.began, heard.stamp
+    )
     return [
-        *exposed,
-        float(frame["sent"]),
-        float(frame["arrived"]),
-        float(frame["began"]),
-        _work_began(events, frame, measured),
-        measured,
-        float(heard["sent"]),
-        float(heard["arrived"]),
-        float(heard["began"]),
-        float(heard["ended"]),
+        *_exposed(events, frame),
+        *(frame.sent, frame.arrived, frame.began),
+        _work_began(events, frame, markers.began),
+        markers.began,
+        *(heard.sent, heard.arrived, heard.began, heard.ended),
     ]
 
 
-def _exposed(events: _Events, frame: np.void) -> list[float] | None:
+def _exposed(events: _Events, frame: np.record) -> list[float]:
     """Return when a frame shows the machine, and when it was handed to DDS."""
-    stamp, sent = float(frame["stamp"]), float(frame["sent"])
-    shown = events.last(TraceEvent.EXPOSED, Channel.FRAME, Station.RIG, sent, stamp)
-    if shown is None:
-        # A camera in the tracker's process hands its frames over and publishes few of them.
-        shown = events.last(TraceEvent.EXPOSED, Channel.FRAME, Station.TRACKER, sent, stamp)
-    if shown is not None:
-        handed = events.last(TraceEvent.PUBLISHED, Channel.FRAME, Station.RIG, sent, stamp)
-        return [float(shown["began"]), sent if handed is None else float(handed["began"])]
+    stamp, sent = frame.stamp, frame.sent
+    # A camera in the tracker's process hands its frames over and publishes few of them.
+    for station in (Station.RIG, Station.TRACKER):
+        with suppress(_NotNotedError):
+            shown = events.last(TraceEvent.EXPOSED, Channel.FRAME, station, sent, stamp)
+            with suppress(_NotNotedError):
+                key = TraceEvent.PUBLISHED, Channel.FRAME, Station.RIG
+                return [shown.began, events.last(*key, sent, stamp).began]
+            return [shown.began, sent]
     ahead = events.camera_ahead(stamp)
     exposed = stamp - (ahead or 0.0)
     # A frame is sent after its exposure; what the tracker knows of the clock errs by a little.
     if ahead is not None and exposed > sent > exposed - STAMPED_BY_CLOCK:
         exposed = sent
-    return [exposed, sent] if 0.0 <= sent - exposed < STAMPED_BY_CLOCK else None
+    if not 0.0 <= sent - exposed < STAMPED_BY_CLOCK:
+        raise _NotNotedError
+    return [exposed, sent]
 
 
-def _work_began(events: _Events, frame: np.void, measured: float) -> float:
+def _work_began(events: _Events, frame: np.record, measured: float) -> float:
     """Return when the tracker began to measure a frame that may have waited for the encoder."""
-    if measured <= float(frame["ended"]):
-        return float(frame["began"])
-    sample = events.last(TraceEvent.TAKEN, Channel.JOINT_STATES, Station.TRACKER, measured)
-    return measured if sample is None else max(float(sample["began"]), float(frame["began"]))
+    if measured <= frame.ended:
+        return float(frame.began)
+    with suppress(_NotNotedError):
+        sample = events.last(TraceEvent.TAKEN, Channel.JOINT_STATES, Station.TRACKER, measured)
+        return float(max(sample.began, frame.began))
+    return measured
 
 
-def _prediction_way(events: _Events, taken: np.void) -> list[float] | None:
+def _prediction_way(events: _Events, taken: np.record) -> list[float]:
     """Return the beginnings of a length's hops from the encoder sample on."""
     predicted = events.last(
-        TraceEvent.PUBLISHED,
-        Channel.PREDICTED,
-        Station.SOLVER,
-        float(taken["began"]),
-        float(taken["stamp"]),
+        *(TraceEvent.PUBLISHED, Channel.PREDICTED, Station.SOLVER), taken.began, taken.stamp
     )
-    if predicted is None:
-        return None
-    sample = events.last(
-        TraceEvent.TAKEN, Channel.JOINT_STATES, Station.SOLVER, float(predicted["began"])
-    )
-    if sample is None:
-        return None
-    return [
-        float(sample["sent"]),
-        float(sample["arrived"]),
-        float(sample["began"]),
-        float(predicted["began"]),
-        float(taken["sent"]),
-        float(taken["arrived"]),
-    ]
+    sample = events.last(TraceEvent.TAKEN, Channel.JOINT_STATES, Station.SOLVER, predicted.began)
+    return [sample.sent, sample.arrived, sample.began, predicted.began, taken.sent, taken.arrived]
 
 
 def _way(name: str, hops: tuple[Hop, ...], found: Sequence[tuple[float, list[float]]]) -> Way:
@@ -233,32 +208,34 @@ class _Events:
     """Records by kind, and by kind and stamp, in the order in which they began."""
 
     def __init__(self, records: NDArray[np.void]) -> None:
-        self._rows: dict[tuple[_Key, float | None], list[np.void]] = defaultdict(list)
-        self._began: dict[tuple[_Key, float | None], list[float]] = defaultdict(list)
-        for row in records[np.argsort(records["began"], kind="stable")]:
-            key = (int(row["event"]), int(row["channel"]), int(row["station"]))
-            for stamp in (None, float(row["stamp"])):
-                self._rows[key, stamp].append(row)
-                self._began[key, stamp].append(float(row["began"]))
-        shown = (int(TraceEvent.EXPOSED), int(Channel.FRAME), int(Station.TRACKER))
+        self._rows: dict[tuple[_Key, float | None], list[np.record]] = defaultdict(list)
+        for row in _in_order(records):
+            for stamp in (None, row.stamp):
+                self._rows[(row.event, row.channel, row.station), stamp].append(row)
+        shown = self.all(TraceEvent.EXPOSED, Channel.FRAME, Station.TRACKER)
         self._ahead = sorted(
-            (float(row["stamp"]), ahead)
-            for row in self._rows.get((shown, None), ())
-            if abs(ahead := float(row["stamp"] - row["began"])) < STAMPED_BY_CLOCK
+            (row.stamp, row.stamp - row.began)
+            for row in shown
+            if abs(row.stamp - row.began) < STAMPED_BY_CLOCK
         )
 
-    def all(self, *key: int) -> list[np.void]:
+    def all(self, event: int, channel: int, station: int) -> list[np.record]:
         """Return the records of a kind."""
-        event, channel, station = key
         return self._rows[(event, channel, station), None]
 
     def last(
         self, event: int, channel: int, station: int, before: float, stamp: float | None = None
-    ) -> np.void | None:
-        """Return the last record of a kind, or of one stamp [s], that began before a time [s]."""
-        key = ((event, channel, station), stamp)
-        count = bisect_right(self._began.get(key, ()), before)
-        return self._rows[key][count - 1] if count else None
+    ) -> np.record:
+        """Return the last record of a kind, or of one stamp [s], that began before a time [s].
+
+        Raises:
+            _NotNotedError: There is none.
+        """
+        rows = self._rows.get(((event, channel, station), stamp), ())
+        count = bisect_right(rows, before, key=attrgetter("began"))
+        if not count:
+            raise _NotNotedError
+        return rows[count - 1]
 
     def camera_ahead(self, stamp: float) -> float | None:
         """Return how far a camera's clock is ahead at a stamp [s], as far as the tracker knew.
@@ -357,18 +334,21 @@ def _node_events(records: NDArray[np.void], origin: float) -> Iterator[dict[str,
     second thread does at the same time gets a row of its own.
     """
     open_ends: dict[int, list[list[float]]] = defaultdict(list)
-    for row in records[np.argsort(records["began"], kind="stable")]:
-        event = TraceEvent(int(row["event"]))
-        begin, end = float(row["began"]), float(row["ended"])
+    for row in _in_order(records):
         yield {
             "ph": "X",
-            "name": f"{_VERBS[event]} {Channel(int(row['channel'])).name.lower()}",
-            "pid": _FIRST_STATION + int(row["station"]),
-            "tid": _free_row(open_ends[int(row["station"])], begin, end),
-            "ts": round(_MICRO * (begin - origin), 1),
-            "dur": round(_MICRO * (end - begin), 1),
-            "args": {"stamp_s": float(row["stamp"])},
+            "name": f"{_VERBS[TraceEvent(row.event)]} {Channel(row.channel).name.lower()}",
+            "pid": int(_FIRST_STATION + row.station),
+            "tid": _free_row(open_ends[row.station], row.began, row.ended),
+            "ts": round(_MICRO * (row.began - origin), 1),
+            "dur": round(_MICRO * (row.ended - row.began), 1),
+            "args": {"stamp_s": row.stamp},
         }
+
+
+def _in_order(records: NDArray[np.void]) -> Iterator[np.record]:
+    """Yield records in the order in which they began, their fields as attributes."""
+    yield from records[np.argsort(records["began"], kind="stable")].view(np.recarray)
 
 
 def _free_row(rows: list[list[float]], begin: float, end: float) -> int:

@@ -198,6 +198,9 @@ class LayController:
             t: Time of the reading [s].
             reading: Both axes, theta 0 where P0 lies on the contact line.
             pull: Pull at the guide [N].
+
+        Raises:
+            ValueError: The guide does not stand outside the wound cable.
         """
         theta = reading.cylinder_angle
         wanted = self.wanted.at(theta)
@@ -242,11 +245,14 @@ class LayController:
     def _follow(self, reading: AxisReading, pull: float, wanted: WantedPoint) -> None:
         """Carry both estimates on to a reading, and to what is wanted there."""
         theta, guide = reading.cylinder_angle, reading.carriage_position
-        bend = self._bend_length(theta, pull)
+        bend, longer = self._bend_length(theta, pull), 0.0
+        if reading.guide is not None:
+            known = self.lay.config
+            longer = reading.guide.free_length(known.radius) - known.free_length
         if self._before is None and theta > UNWOUND:
-            self.lay.join(theta, guide, wanted.slope, bend, wanted.raised)
+            self.lay.join(theta, guide, wanted.slope, bend, wanted.raised, longer)
             self.stretch.join(theta)
-        self.lay.advance(theta, guide, bend, wanted.raised)
+        self.lay.advance(theta, guide, bend, wanted.raised, longer)
         self.stretch.advance(theta, pull, wanted.slope)
 
     def _bend_length(self, theta: float, pull: float) -> float:

@@ -73,8 +73,9 @@ class LayEstimate:
 class _State:
     """Mean (4,), covariance (4, 4), wound angle [rad] and guide [m] up to which they hold.
 
-    Of the mean the free length is that from the bare cylinder; `raised` is the height of the cable
-    above that [m].
+    Of the mean the free length is that from the bare cylinder, where the guide has its configured
+    distance; `raised` is the height of the cable above the cylinder [m], `longer` by how much a
+    guide off that distance makes the span longer [m].
     """
 
     mean: Array
@@ -83,6 +84,7 @@ class _State:
     guide: float
     bend: float
     raised: float = 0.0
+    longer: float = 0.0
     heading: float = 0.0
 
 
@@ -96,8 +98,9 @@ class LayFilter:
     last measured height is and moves on with the next; the other is that state carried on to the
     present along the guide's way since.
 
-    On a drum the radius of each layer is that of its plan. The guide keeps its distance from the
-    axis, so one free length on the bare cylinder is that of every layer.
+    On a drum the radius of each layer is that of its plan. While the guide keeps its distance from
+    the axis one free length on the bare cylinder is that of every layer; what a reported distance
+    adds to it is added, and the estimate is of the rest.
     """
 
     def __init__(self, config: LayFilterConfig) -> None:
@@ -111,11 +114,17 @@ class LayFilter:
             bend=_LEAST_BEND,
         )
         self._now = self._copied(self._seen)
-        self._since: deque[tuple[float, float, float, float]] = deque()
+        self._since: deque[tuple[float, float, float, float, float]] = deque()
         self._refused_from: float | None = None
 
     def join(
-        self, theta: float, guide: float, slope: float, bend: float, raised: float = 0.0
+        self,
+        theta: float,
+        guide: float,
+        slope: float,
+        bend: float,
+        raised: float = 0.0,
+        longer: float = 0.0,
     ) -> None:
         """Begin in mid-run, with a cable that has followed an even guide for long.
 
@@ -127,9 +136,10 @@ class LayFilter:
             slope: dz/dtheta of the lay [m/rad].
             bend: Length l over which the end of the span is bent [m].
             raised: Height of the cable above that on the bare cylinder [m].
+            longer: What the guide's reported place adds to the configured free length [m].
         """
         config = self.config
-        radius, span = config.radius + raised, self._span(config.free_length, raised)
+        radius, span = config.radius + raised, self._span(config.free_length + longer, raised)
         z = guide - slope * span / radius
         bend = min(max(bend, _LEAST_BEND), _MOST_BEND * span)
         near = slope * bend / radius
@@ -141,11 +151,19 @@ class LayFilter:
             guide=guide,
             bend=bend,
             raised=raised,
+            longer=longer,
         )
         self._now = self._copied(self._seen)
         self._since.clear()
 
-    def advance(self, theta: float, guide: float, bend: float = 0.0, raised: float = 0.0) -> None:
+    def advance(
+        self,
+        theta: float,
+        guide: float,
+        bend: float = 0.0,
+        raised: float = 0.0,
+        longer: float = 0.0,
+    ) -> None:
         """Carry the estimate on to a wound angle [rad] at which the carriage reads `guide` [m].
 
         Angles that are not ahead are passed over: a cylinder that turns back lays nothing.
@@ -155,12 +173,13 @@ class LayFilter:
             guide: Reading of the carriage [m].
             bend: Length l over which the end of the span is bent [m].
             raised: Height of the cable above that on the bare cylinder [m].
+            longer: What the guide's reported place adds to the configured free length [m].
         """
         if theta < self._now.theta + _STEP:
             if theta <= self._now.theta:
                 self._now.guide = guide
             return
-        place = (theta, guide, max(bend, _LEAST_BEND), raised)
+        place = (theta, guide, max(bend, _LEAST_BEND), raised, longer)
         self._carry(self._now, *place)
         self._since.append(place)
 
@@ -232,7 +251,7 @@ class LayFilter:
         """Return the lay now."""
         state = self._now
         z, headed, length, offset = map(float, state.mean)
-        length = self._span(length, state.raised)
+        length = self._span(length + state.longer, state.raised)
         return LayEstimate(
             theta=state.theta,
             z=z,
@@ -248,21 +267,24 @@ class LayFilter:
         radius = self.config.radius
         return math.sqrt(max(length**2 - raised * (2.0 * radius + raised), _LEAST_BEND**2))
 
-    def _carry(self, state: _State, theta: float, guide: float, bend: float, raised: float) -> None:
+    def _carry(
+        self, state: _State, theta: float, guide: float, bend: float, raised: float, longer: float
+    ) -> None:
         config = self.config
         step = theta - state.theta
         moved = guide - state.guide
         middle = 0.5 * (guide + state.guide)
         z, headed, length, offset = map(float, state.mean)
         turned = step * (config.radius + raised)
-        span, further = self._span(length, raised), self._span(length + _CHANGE, raised)
+        span = self._span(length + longer, raised)
+        further = self._span(length + longer + _CHANGE, raised)
         after = _landed(z, headed, span, middle + offset, turned, bend)
-        longer = _landed(z, headed, further, middle + offset, turned, bend)
+        varied = _landed(z, headed, further, middle + offset, turned, bend)
         slow, fast, mixed = _kept(span, turned, bend)
         change = np.eye(4)
         # What is kept of z and of h, what L changes, and the rest comes from the eye.
-        change[Z] = (fast, mixed, (longer[0] - after[0]) / _CHANGE, 1.0 - fast - mixed)
-        change[HEADED] = (0.0, slow, (longer[1] - after[1]) / _CHANGE, 1.0 - slow)
+        change[Z] = (fast, mixed, (varied[0] - after[0]) / _CHANGE, 1.0 - fast - mixed)
+        change[HEADED] = (0.0, slow, (varied[1] - after[1]) / _CHANGE, 1.0 - slow)
         state.mean = np.array([*after, length, offset])
         drifts = (config.drift_z, config.drift_z, config.drift_length, config.drift_offset)
         noise = np.array(drifts) ** 2 * step
@@ -273,6 +295,7 @@ class LayFilter:
             state.heading = moved
         state.covariance = change @ state.covariance @ change.T + np.diag(noise)
         state.theta, state.guide, state.bend, state.raised = theta, guide, bend, raised
+        state.longer = longer
 
     def _between(self, theta: float) -> float:
         """Return the carriage's reading [m] at an angle between the last one taken and the next."""
@@ -295,6 +318,7 @@ class LayFilter:
             guide=state.guide,
             bend=state.bend,
             raised=state.raised,
+            longer=state.longer,
             heading=state.heading,
         )
 

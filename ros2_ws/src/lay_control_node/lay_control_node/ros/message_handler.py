@@ -19,6 +19,7 @@ from winding_ros import topics
 from winding_ros.messages.clouds import decode_cloud, encode_cloud
 from winding_ros.messages.commands import encode_targets, encode_tension_command
 from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.messages.serialised import MessageError
 from winding_ros.runtime.message_handler import Answer
 from winding_ros.topic import Topic
 
@@ -109,6 +110,11 @@ class LayControlHandler:
         """
         if topic is topics.JOINT_STATES:
             t, reading = self._read(data)
+            if reading.guide is not None:
+                try:
+                    reading.guide.free_length(self._wanted.resolved().case.centreline_radius)
+                except ValueError as error:
+                    raise MessageError(str(error)) from None
             self.cadence.read(t if self._clocks is None else self._clocks.arrived())
             if t >= self._due:
                 self._due = max(self._due, t) + self._period - 1.0e-9

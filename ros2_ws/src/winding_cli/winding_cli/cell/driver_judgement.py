@@ -206,9 +206,8 @@ def judge_clock(streams: Sequence[Heard]) -> Finding:
 
 def stands(value: tuple[float, ...], running: tuple[float, float]) -> bool:
     """Return whether both axes stand, given (angle, speed, position, feed) and running speeds."""
-    return abs(value[1]) <= STANDSTILL_SHARE * abs(running[0]) and abs(
-        value[3]
-    ) <= STANDSTILL_SHARE * abs(running[1])
+    speeds = zip((value[1], value[3]), running, strict=True)
+    return all(abs(speed) <= STANDSTILL_SHARE * abs(usual) for speed, usual in speeds)
 
 
 def runs(value: tuple[float, ...], running: tuple[float, float]) -> bool:

@@ -179,12 +179,7 @@ class Probe:
         def encoder(message: Any) -> tuple[float, tuple[float, ...]]:
             self._joints.append(tuple(message.name))
             t, reading = read(message)
-            return t, (
-                reading.cylinder_angle,
-                reading.angular_speed,
-                reading.carriage_position,
-                reading.feed_speed,
-            )
+            return t, reading.numbers
 
         wanted: dict[Topic, Callable[[Any], tuple[float, tuple[float, ...]]]] = {
             topics.JOINT_STATES: encoder,

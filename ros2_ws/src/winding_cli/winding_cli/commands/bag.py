@@ -28,7 +28,7 @@ from winding_recorder.bags.description import COMPLETE, PARAMETERS, RECOVERED, B
 _KEY_PERIOD = 0.1
 _DATES = 1e9  # A bag time below is no date: the year 2001 [s]
 
-bag = command_group("bag")
+bag = command_group(__doc__)
 
 
 def _existing(source: Path) -> Path:

@@ -1,4 +1,4 @@
-"""`winding cable`: the library of cables."""
+"""`winding cable`: list, show and compare the cables of the library, and add your own."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ from winding_study.run_parameters import RunParameters
 if TYPE_CHECKING:
     from winding_study.identification.nearest_cable import Likeness
 
-cable = command_group("cable")
+cable = command_group(__doc__)
 Name = Annotated[str, typer.Argument(help="Cable of the library, or a cable file.")]
 _DECLARED = options(Condition)
 _PROPERTY = {

@@ -145,7 +145,7 @@ def meaning(config: RunConfig) -> Iterator[tuple[str, str]]:
         yield f"  {section}", ", ".join(shown)
 
 
-cell = command_group("cell")
+cell = command_group(__doc__)
 
 
 @cell.command()

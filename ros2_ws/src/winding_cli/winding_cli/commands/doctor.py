@@ -8,10 +8,9 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import psutil  # type: ignore[import-untyped]
 import typer
@@ -34,38 +33,24 @@ from winding_cli.terminal.record_options import Domain
 from winding_cli.terminal.refusal import FAILED, refuse
 from winding_cli.terminal.termination import interruptible
 
-if TYPE_CHECKING:
-    from winding_cli.doctor.finding import Finding
-
 _CLOCK_LOOKS, _CLOCK_PERIOD = 20, 0.01
 _PORT_RANGE = Path("/proc/sys/net/ipv4/ip_local_port_range")
 _RECEIVE_BUFFER = Path("/proc/sys/net/core/rmem_max")
 _DEFAULT_PORTS = (32_768, 60_999)
 
 
-def examine(
-    environment: Mapping[str, str],
-    domain: int,
-    source: str,
-    *,
-    domain_refusal: str,
-    namespace: str,
-    folder: Path,
-    logs: Path,
-    locks: Path,
-) -> Iterator[Finding]:
+def examine(domain: int, source: str, domain_refusal: str, logs: Path) -> Iterator[Finding]:
     """Yield every finding; what cannot be examined is a warning, not an end.
 
     Args:
-        environment: As the user has it.
         domain: DDS domain.
         source: Where its number comes from.
         domain_refusal: Why ROS_DOMAIN_ID is not used; empty when it is.
-        namespace: Namespace of the run to come.
-        folder: Where recordings would go.
         logs: Folder for what ROS writes meanwhile.
-        locks: Folder of the locks of running graphs.
     """
+    from winding_supervisor.session.domain_lock import lock_folder
+
+    environment = dict(os.environ)
     yield judge_python(sys.version_info[:3])
     # A middleware that is not there ends every import of rclpy; that is a finding of its own.
     clean = {k: v for k, v in environment.items() if k != "RMW_IMPLEMENTATION"}
@@ -80,7 +65,7 @@ def examine(
     yield _looked("participant ports", lambda: network.judge_ports(domain, udp_ports()))
     yield _looked(
         "graphs in the domain",
-        lambda: network.judge_owners(domain, namespace, network.holders(locks, domain)),
+        lambda: network.judge_owners(domain, NAMESPACE, network.holders(lock_folder(), domain)),
     )
     yield from network.judge_loopback()
     result = network.exchange(environment, domain, logs)
@@ -90,7 +75,7 @@ def examine(
     yield _looked("time of day", lambda: host.judge_date(time.time(), newest_installed()))
     yield host.judge_jumps(_clock_pairs())
     yield host.judge_synchronisation(_synchronised())
-    yield from host.judge_disk(folder, time.monotonic)
+    yield from host.judge_disk(Path.cwd(), time.monotonic)
     yield host.judge_processors(len(os.sched_getaffinity(0)), os.getloadavg()[0])
     yield host.judge_memory(psutil.virtual_memory().available)
     soft, _ = psutil.Process().rlimit(psutil.RLIMIT_NOFILE)
@@ -168,9 +153,10 @@ _COLUMNS = (
 
 def doctor(json: Json = None, domain: Domain = None, force: Force = False) -> None:
     """Check Python, wheels, discovery, domain, clocks, disk; exit 1 on a FAIL."""
-    from winding_supervisor.session.domain_lock import DomainError, chosen_domain, lock_folder
+    from winding_supervisor.session.domain_lock import DomainError, chosen_domain
 
     source = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
+    source = source if domain is None else "--domain"
     check_output_file(json, "--json", force=force)
     refusal = ""
     try:
@@ -186,18 +172,7 @@ def doctor(json: Json = None, domain: Domain = None, force: Force = False) -> No
         tempfile.TemporaryDirectory(prefix="winding-doctor-") as logs,
         busy("looking at this machine"),
     ):
-        findings = list(
-            examine(
-                dict(os.environ),
-                chosen,
-                source if domain is None else "--domain",
-                domain_refusal=refusal,
-                namespace=NAMESPACE,
-                folder=Path.cwd(),
-                logs=Path(logs),
-                locks=lock_folder(),
-            )
-        )
+        findings = list(examine(chosen, source, refusal, Path(logs)))
     found = Counter(str(finding.level) for finding in findings)
     counts = {level: found[level] for level in ("OK", "WARN", "FAIL")}
     console.print(record_table(_COLUMNS, findings, words=len(_COLUMNS)))

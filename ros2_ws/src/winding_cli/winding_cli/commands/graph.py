@@ -180,12 +180,7 @@ def health(
 
 
 def complaints(nodes: Iterable[str], heard: Collection[Status]) -> list[str]:
-    """Return one sentence for each node that is silent and for each ERROR of the others.
-
-    Args:
-        nodes: Node names.
-        heard: Statuses of /diagnostics, "node" or "node: component".
-    """
+    """Return one sentence for each named node that is silent, and for each ERROR of the others."""
     from winding_core.status import Level
 
     found = []
@@ -198,13 +193,7 @@ def complaints(nodes: Iterable[str], heard: Collection[Status]) -> list[str]:
 
 
 def listen(nodes: Collection[str], namespace: str, patience: float) -> list[Status]:
-    """Return the newest statuses in a graph once every node was heard, or after `patience` [s].
-
-    Args:
-        nodes: Node names.
-        namespace: Of the graph, without slashes around it.
-        patience: Wall time [s].
-    """
+    """Return the newest statuses in a graph once every node was heard, or after `patience` [s]."""
     from winding_ros import topics
     from winding_ros.messages.diagnostics import decode_diagnostics
 

@@ -11,8 +11,24 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
 import typer
+from rich.console import Console
+from rich.table import Table
 
-from lay_control_node.planning.lay_plan import FULL_TURN, PERIOD, csv_text, plan_record, plan_turns
+from cable_fem_node.dynamics.state import SolverError
+from lay_control_node.control.control_parameters import ControlParameters
+from lay_control_node.control.expected_landing import ExpectedLanding, expected_landings
+from lay_control_node.control.guide_law import WantedProgram
+from lay_control_node.planning.lay_plan import (
+    FULL_TURN,
+    PERIOD,
+    LayPlan,
+    csv_text,
+    plan_record,
+    plan_turns,
+)
+from lay_control_node.planning.planner import plan_lay
+from lay_control_node.programs import even_helix, read_program, with_markers_every_turn
+from lay_control_node.programs.points import MOST_TURNS
 from winding_cli.offline.filled_drum import print_drum
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
@@ -33,19 +49,14 @@ from winding_cli.terminal.record_options import (
 )
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.arm.opening import check_arm, open_arm
+from winding_core.cable.condition import ResolvedCondition
+from winding_core.lay.layers import WoundDrum
+from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.units import MILLIMETRE, known
 from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-    from lay_control_node.control.expected_landing import ExpectedLanding
-    from lay_control_node.planning.lay_plan import LayPlan
-    from winding_core.cable.condition import ResolvedCondition
-    from winding_core.lay.layers import WoundDrum
-    from winding_core.lay.program import LayProgram
     from winding_study.plans.solver_check import SolverLay
 
 STARTS = ("first", "together")
@@ -117,9 +128,6 @@ def plan(
     force: Force = False,
 ) -> None:
     """Plan the machine's motion that lays a program, and report what is out of reach, and why."""
-    from cable_fem_node.dynamics.state import SolverError
-    from lay_control_node.planning.planner import plan_lay
-
     given = {".json": json_file, ".csv": csv_file, ".png .svg .pdf": picture}
     json_file, csv_file, picture = by_suffix(output or (), given)
     for option, path in (("--picture", picture), ("--json", json_file), ("--csv", csv_file)):
@@ -205,7 +213,6 @@ def _check_options(
     period: float,
     turns: float | None,
 ) -> None:
-    from lay_control_node.programs.points import MOST_TURNS
     from winding_study.plans.plan_picture import PICTURE_KINDS
 
     if start not in STARTS:
@@ -230,9 +237,6 @@ def _wanted(
     turns: float | None,
     markers_every_turn: bool,
 ) -> LayProgram:
-    from lay_control_node.programs import even_helix, read_program, with_markers_every_turn
-    from winding_core.lay.program import LayProgramError
-
     given = [file is not None, even, pitch_mm is not None]
     if sum(given) != 1:
         raise LayProgramError(
@@ -255,10 +259,6 @@ def _wanted(
 
 def _controlled(planned: LayPlan) -> tuple[ExpectedLanding, ...]:
     """Return where wanted markers land if the lay is controlled; none without a brake."""
-    from lay_control_node.control.control_parameters import ControlParameters
-    from lay_control_node.control.expected_landing import expected_landings
-    from lay_control_node.control.guide_law import WantedProgram
-
     limits, what, program = planned.limits, planned.what, planned.program
     if limits.brake is None or not program.markers:
         return ()

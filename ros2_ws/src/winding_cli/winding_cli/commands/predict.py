@@ -6,11 +6,16 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.progress import TaskProgressColumn
 
+from cable_fem_node.dynamics.state import FloatArray, SolverError
+from cable_fem_node.winding.discretisation import discretisation_error
+from cable_fem_node.winding.expected_cost import ExpectedCost, expected_cost
+from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 from winding_cli.offline.wound_parameters import wound_parameters
 from winding_cli.terminal.console import Shown, busy, marker_name, record_table, result_console
 from winding_cli.terminal.output_path import (
@@ -26,11 +31,6 @@ from winding_cli.terminal.record_options import Cable, Library, Typed, spelled, 
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.units import MILLIMETRE, MILLIRADIAN, known
 from winding_study.run_parameters import RunParameters
-
-if TYPE_CHECKING:
-    from cable_fem_node.dynamics.state import FloatArray
-    from cable_fem_node.winding.expected_cost import ExpectedCost
-    from cable_fem_node.winding.prediction import Look, PlannedRun, Prediction
 
 _FEW_STEPS = 1.0e6  # A run of so few steps takes seconds, and is not timed beforehand
 _LONG_S = 5.0  # Processor time that is announced [s]
@@ -105,11 +105,6 @@ def predict(
     force: Force = False,
 ) -> None:
     """Predict where every marker ends up, how much cable is used, and how far to trust it."""
-    from rich.progress import TaskProgressColumn
-
-    from cable_fem_node.dynamics.state import SolverError
-    from cable_fem_node.winding.discretisation import discretisation_error
-
     given = {".json": json_file, ".csv": csv_file, ".pvd": vtk_file}
     json_file, csv_file, vtk_file = by_suffix(output or (), given)
     for option, file in (("--json", json_file), ("--csv", csv_file), ("--vtk", vtk_file)):
@@ -153,8 +148,6 @@ def predict(
 
 
 def _print_checks(run: PlannedRun) -> None:
-    from cable_fem_node.winding.expected_cost import expected_cost
-
     console = result_console()
     title = "Whether the solver can be right about it"
     console.print(record_table(_CHECKS, run.checks(), words=1, title=title))
@@ -165,8 +158,6 @@ def _print_checks(run: PlannedRun) -> None:
 
 def _announce(run: PlannedRun) -> None:
     """Print on stderr what is worth doubting, and how long it takes where it takes long."""
-    from cable_fem_node.winding.expected_cost import expected_cost
-
     console = Console(stderr=True, highlight=False)
     for check in run.checks():
         if check.warned:

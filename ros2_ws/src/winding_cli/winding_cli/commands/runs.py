@@ -1,4 +1,4 @@
-"""`winding runs`: quality over the runs of a folder."""
+"""`winding runs`: list, show and compare the runs of a folder, and report what drifts over them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from winding_reports.runs.run_row import VERDICTS, RunRow, row_of_file
 if TYPE_CHECKING:
     from winding_reports.documents.data_table import DataTable
 
-runs = command_group("runs")
+runs = command_group(__doc__)
 Folder = Annotated[Path, typer.Argument(help="Folder of runs, with folders in it.")]
 In = Annotated[Path, typer.Option("--folder", help="Folder of runs, in which ids are looked up.")]
 Run = Annotated[str, typer.Argument(help="Folder of a run, its run.json, or a run's id.")]

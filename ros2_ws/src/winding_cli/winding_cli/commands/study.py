@@ -145,7 +145,6 @@ def study(
     drawn = drawn if models else ()
     need_extra("train", "training models")
     from correction_node.models.dataset import format_lengths
-    from winding_cli.commands.study import conduct
     from winding_cli.terminal.origin import origin_here
     from winding_study.paper.study import predicted_lengths
     from winding_study.paper.study_record import study_identity

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import accumulate
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from rich.console import Console
 
 from winding_cli.terminal.console import Shown, record_table
 from winding_core.units import MILLIMETRE
-
-if TYPE_CHECKING:
-    from rich.console import Console
 
 _LAYERS = (
     Shown("layer", "number"),

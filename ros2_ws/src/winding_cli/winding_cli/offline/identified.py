@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from rich.console import Console
+from rich.table import Table
+
+from cable_fem_node.identification import Fit, ModulusEstimate, RigPosterior, TrackedRun
+from cable_fem_node.identification.rig_posterior import Belief
 from winding_cli.terminal.console import Shown, marker_name, record_table
 from winding_core.helix import curve_length
-from winding_core.markers import is_wound
+from winding_core.markers import Markers, is_wound
 from winding_core.units import MEGAPASCAL, MILLIMETRE, MILLIRADIAN
-
-if TYPE_CHECKING:
-    from rich.console import Console
-    from rich.table import Table
-
-    from cable_fem_node.identification import Fit, ModulusEstimate, RigPosterior, TrackedRun
-    from cable_fem_node.identification.rig_posterior import Belief
-    from winding_core.markers import Markers
-    from winding_study.identification.constants import ConstantsEstimate
+from winding_study.identification.constants import ConstantsEstimate
 
 _RUN = Shown("run", lambda row: row["run"] + 1)
 _MARKER = Shown("marker", marker_name)

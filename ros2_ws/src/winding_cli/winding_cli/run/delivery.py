@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rich.box import SIMPLE_HEAD
+from rich.table import Table
 
 from winding_cli.terminal.console import Shown, record_table, result_console
 from winding_cli.terminal.output_path import STANDARD_OUTPUT, staging, write_json
@@ -17,13 +18,11 @@ from winding_core.cable.condition import Condition
 from winding_core.parameters import build, declared_in
 from winding_core.run_outcome import RunOutcome
 from winding_core.units import MILLIMETRE, MILLISECOND
+from winding_reports.records.identity import Origin
+from winding_reports.records.run_record import RunRecord, run_json, write_run_json
+from winding_reports.trace import LengthTrace, hop_costs, write_chrome_trace
 
 if TYPE_CHECKING:
-    from rich.table import Table
-
-    from winding_reports.records.identity import Origin
-    from winding_reports.records.run_record import RunRecord
-    from winding_reports.trace import LengthTrace
     from winding_supervisor.session.run_config import RunConfig
     from winding_supervisor.session.session import RunResult
 
@@ -141,8 +140,6 @@ class RunDelivery:
 
     def _rescue(self, record: RunRecord, error: OSError) -> None:
         """Write the numbers where there is room for them: the run's own place takes no more."""
-        from winding_reports.records.run_record import write_run_json
-
         place = Path(tempfile.mkdtemp(prefix="winding-run-")) / "run.json"
         write_run_json(record, place)
         sentence = f"what run {self._count} left could not be written: {error}; numbers: {place}"
@@ -176,9 +173,7 @@ def write(
         trace: File of the trace for a viewer of Chrome's traces; None for none.
         result: What the run left, for its trace.
     """
-    from winding_reports.records.run_record import run_json, write_run_json
     from winding_reports.run_report.report import write_report
-    from winding_reports.trace import write_chrome_trace
 
     if json == STANDARD_OUTPUT:
         write_json(json, run_json(record))
@@ -238,8 +233,6 @@ def results_table(record: RunRecord) -> Table:
 
 def trace_tables(trace: LengthTrace) -> list[Table]:
     """Return what each hop of the ways to the corrected lengths takes."""
-    from winding_reports.trace import hop_costs
-
     return [
         _table(
             _HOPS,

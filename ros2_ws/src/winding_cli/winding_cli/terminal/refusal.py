@@ -53,10 +53,6 @@ def need_extra(extra: str, what: str) -> None:
 
 
 def evidence(name: str) -> Callable[..., Any] | None:
-    """Return what the package of evidence brings under a name; None where it is not installed.
-
-    Args:
-        name: Of an entry point of the group `winding.evidence`.
-    """
+    """Return an entry point of the group `winding.evidence`; None where it is not installed."""
     points = entry_points(group="winding.evidence", name=name)
     return next((point.load() for point in points), None)

@@ -53,12 +53,7 @@ def joined(domain: int | None) -> Iterator[Joined]:
 
 @contextmanager
 def plain_node(name: str, namespace: str = "") -> Iterator[tuple[Node, SingleThreadedExecutor]]:
-    """Yield a node in a context of its own, and the executor that it is added to.
-
-    Args:
-        name: Of the node.
-        namespace: Without slashes around it.
-    """
+    """Yield a node in a context of its own, and the executor that it is added to."""
     import rclpy
     from rclpy.context import Context
     from rclpy.executors import SingleThreadedExecutor

@@ -179,7 +179,9 @@ class Arm:
 
     def _chain(self, link: str) -> list[int]:
         """Return the joints from the root to a link."""
-        joint = self._model.frames[self._link(link)].parentJoint
+        frame = self._model.frames[self._link(link)]
+        # Pinocchio 2 has it by its older name.
+        joint = frame.parentJoint if hasattr(frame, "parentJoint") else frame.parent
         return [int(k) for k in self._model.supports[joint]][1:]
 
     def _joint(self, index: int) -> Joint:

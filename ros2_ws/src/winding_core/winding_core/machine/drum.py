@@ -53,6 +53,12 @@ class Drum:
         far = self.sign * (self.width - cable_diameter)
         return min(far, 0.0), max(far, 0.0)
 
+    def inner_faces(self, cable_diameter: float) -> tuple[float, float]:
+        """Return lower and higher z of the flanges' inner faces [m], from P0's, of cable [m]."""
+        first = -0.5 * self.sign * cable_diameter
+        far = first + self.sign * self.width
+        return min(first, far), max(first, far)
+
     def refuse_beyond(self, theta: Array, z: Array, cable_diameter: float) -> None:
         """Refuse cable that would lie beside the drum.
 

@@ -27,6 +27,7 @@ _PIECE = 6  # Dots of the cable that have one colour
 # The free span, which nothing hides, leaves the cylinder within so much of its radius.
 _SHORT = 0.2
 _LEAST_WIDTH, _LEAST_DOT = 1.6, 3.5
+_FLANGE_OPACITY = 0.5  # Of the near flange, behind which cable and markers show
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,8 +88,15 @@ def cylinder_drawing(state: ViewState, sight: Sight) -> str:
     radius = state.centreline_radius - state.cable_radius
     if state.axes is None or not radius > 0.0:
         return ""
-    end = max(_TO, state.axes.carriage_position + _BEYOND)
-    return _Drawing(state, sight, radius, end).svg()
+    label = state.label
+    if label is not None and label.flanges is not None:
+        first = state.predicted["z"][state.predicted["id"] == 0]
+        begin = float(first[0]) if first.size and math.isfinite(first[0]) else 0.0
+        ends = begin + label.flanges.low, begin + label.flanges.high
+        rim = label.flanges.radius
+    else:
+        ends, rim = (_FROM, max(_TO, state.axes.carriage_position + _BEYOND)), radius
+    return _Drawing(state, sight, radius, ends, rim).svg()
 
 
 def tension_ends(state: ViewState) -> tuple[float, float] | None:
@@ -98,11 +106,18 @@ def tension_ends(state: ViewState) -> tuple[float, float] | None:
 
 
 class _Drawing:
-    def __init__(self, state: ViewState, sight: Sight, radius: float, end: float) -> None:
-        self._state, self._radius, self._end = state, radius, end
+    def __init__(
+        self,
+        state: ViewState,
+        sight: Sight,
+        radius: float,
+        ends: tuple[float, float],
+        rim: float,
+    ) -> None:
+        self._state, self._radius, self._ends, self._rim = state, radius, ends, rim
         self._rows = sight.rows
         corners = np.array(
-            [[x, y, z] for x in (-radius, radius) for y in (-radius, radius) for z in (_FROM, end)]
+            [[x, y, z] for x in (-rim, rim) for y in (-rim, rim) for z in ends], dtype=float
         )
         seen = corners @ self._rows.T
         low, high = seen[:, :2].min(axis=0), seen[:, :2].max(axis=0)
@@ -113,7 +128,8 @@ class _Drawing:
     def svg(self) -> str:
         """Return everything from behind to the front."""
         behind, before = self._cable()
-        return behind + self._drum() + before + self._markers()
+        far, body, near = self._drum()
+        return far + behind + body + before + self._markers() + near
 
     def _pixels(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         seen = points @ self._rows.T
@@ -127,37 +143,45 @@ class _Drawing:
         near: NDArray[np.bool_] = (outward @ self._rows[2]) / length > margin
         return near
 
-    def _drum(self) -> str:
-        ends = self._pixels(np.array([[0.0, 0.0, _FROM], [0.0, 0.0, self._end]]))
+    def _drum(self) -> tuple[str, str, str]:
+        """Return the far flange, the cylinder, and the near flange, through which one sees."""
+        ends = self._pixels(np.array([[0.0, 0.0, z] for z in self._ends]))
         along = ends[1] - ends[0]
         angle = math.atan2(along[1], along[0])
         across = self._radius * self._scale
         # A circle about the axis is as flat as the axis points at the eye.
         flat = abs(float(self._rows[2, 2])) * across
         side = across * np.array([-math.sin(angle), math.cos(angle)])
-        body = " ".join(
+        shape = " ".join(
             f"{u:.1f},{v:.1f}"
             for u, v in (ends[0] + side, ends[1] + side, ends[1] - side, ends[0] - side)
         )
         near, far = (1, 0) if self._rows[2, 2] > 0.0 else (0, 1)
-        ellipses = [
-            f'<ellipse cx="{ends[i][0]:.1f}" cy="{ends[i][1]:.1f}" rx="{flat:.1f}" '
-            f'ry="{across:.1f}" transform="rotate({math.degrees(angle):.1f} {ends[i][0]:.1f} '
-            f'{ends[i][1]:.1f})" fill="{DRUM}" stroke="{EDGE}"/>'
-            for i in (far, near)
-        ]
-        outline = f'<polygon points="{body}" fill="{DRUM}"/>'
+
+        def disc(i: int, larger: float, opacity: float) -> str:
+            u, v = ends[i]
+            return (
+                f'<ellipse cx="{u:.1f}" cy="{v:.1f}" rx="{larger * flat:.1f}" '
+                f'ry="{larger * across:.1f}" transform="rotate({math.degrees(angle):.1f} {u:.1f} '
+                f'{v:.1f})" fill="{DRUM}" fill-opacity="{opacity:g}" stroke="{EDGE}"/>'
+            )
+
+        outline = f'<polygon points="{shape}" fill="{DRUM}"/>'
         edges = "".join(
             f'<path d="M{a[0]:.1f} {a[1]:.1f}L{b[0]:.1f} {b[1]:.1f}" stroke="{EDGE}"/>'
             for a, b in ((ends[0] + s, ends[1] + s) for s in (side, -side))
         )
-        return ellipses[0] + outline + edges + ellipses[1] + self._line_of_p0()
+        body = disc(far, 1.0, 1.0) + outline + edges + disc(near, 1.0, 1.0) + self._line_of_p0()
+        if self._rim == self._radius:
+            return "", body, ""
+        larger = self._rim / self._radius
+        return disc(far, larger, 1.0), body, disc(near, larger, _FLANGE_OPACITY)
 
     def _line_of_p0(self) -> str:
         """Return a line along the cylinder at P0's azimuth, so that one sees it turn."""
         turned = self._state.drum_angle
         foot = self._radius * np.array([math.cos(turned), math.sin(turned)])
-        line = np.array([[*foot, _FROM], [*foot, self._end]])
+        line = np.array([[*foot, z] for z in self._ends])
         if not self._near(line).all():
             return ""
         (a, b), (c, d) = self._pixels(line)

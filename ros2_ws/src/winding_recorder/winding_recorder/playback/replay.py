@@ -23,7 +23,14 @@ from winding_recorder.bags.description import BagError
 from winding_recorder.bags.reading import Decoder, opened, stamped_messages
 from winding_recorder.bags.tables import Row, rows_of
 from winding_ros import topics
-from winding_ros.graph import CORRECTION, FEM, TRACKER, parameters_of
+from winding_ros.graph import (
+    COMPRESSED_TRACKER,
+    CORRECTION,
+    FEM,
+    TRACKER,
+    NodeSpec,
+    parameters_of,
+)
 from winding_ros.messages.serialised import MessageError
 from winding_ros.messages.stamps import decode_stamp, serialised_stamp_ns
 from winding_ros.runtime.message_handler import Answer, MessageHandler
@@ -169,12 +176,13 @@ def replay(
         raise BagError(f"node must be one of {', '.join(REPLAYABLE)}, got {node!r}")
     if not 0.0 < tolerance < float("inf"):
         raise BagError(f"tolerance must be positive and finite, got {tolerance:g}")
-    spec = REPLAYABLE[node]
+    name = REPLAYABLE[node].name
     try:
-        values = recorded_parameters(path, spec.name) if parameters is None else parameters
+        values = recorded_parameters(path, name) if parameters is None else parameters
     except BagError as error:
         raise BagError(f"{error}; give --parameters") from error
     with opened(path) as reader:
+        spec = _as_recorded(reader, REPLAYABLE[node])
         module = importlib.import_module(f"{spec.package}.ros.message_handler")
         links = {topic.name: _link(reader, topic) for topic in spec.inputs}
         stored = {topic.name: _link(reader, topic) for topic in spec.outputs}
@@ -236,8 +244,24 @@ class _Run:
             self.answers[answer.topic.name][serialised_stamp_ns(data)].append(data)
 
 
+def _as_recorded(reader: AnyReader, spec: NodeSpec) -> NodeSpec:
+    """Return what a node was: a tracker with a frame for each answer may have had compressed ones.
+
+    The preview of a camera whose raw frames were not recorded has fewer.
+    """
+    raw, frames, answers = (
+        sum(link.msgcount for link in _links(reader, topic))
+        for topic in (topics.IMAGE, topics.PREVIEW, topics.TRACKED_MARKERS)
+    )
+    return COMPRESSED_TRACKER if spec is TRACKER and not raw and frames >= answers else spec
+
+
+def _links(reader: AnyReader, topic: Topic) -> list[Any]:
+    return [link for link in reader.connections if f"/{link.topic}".endswith(f"/{topic.name}")]
+
+
 def _link(reader: AnyReader, topic: Topic) -> Any:
-    found = [link for link in reader.connections if f"/{link.topic}".endswith(f"/{topic.name}")]
+    found = _links(reader, topic)
     if len(found) != 1:
         raise BagError(f"the recording must hold {topic.name} once, it holds {len(found)} of it")
     if found[0].msgtype != topic.type_name:
@@ -281,12 +305,12 @@ def _inputs(
         last: Stamp of its last message [ns], where inputs go on after it; None otherwise.
     """
     # A tracker answers frames, and needs the encoder beyond the last of them.
-    answered = topics.IMAGE.type_name if topics.IMAGE in inputs else None
+    frames = {topics.IMAGE, topics.PREVIEW}.intersection(inputs)
 
-    def relevant(kind: str, stamp: int) -> bool:
-        if kind == topics.IMAGE.type_name and stamp < first - _ROUNDING:
+    def relevant(topic: Topic, stamp: int) -> bool:
+        if topic in frames and stamp < first - _ROUNDING:
             return False
-        if last is not None and answered in (None, kind) and stamp > last + _ROUNDING:
+        if last is not None and (not frames or topic in frames) and stamp > last + _ROUNDING:
             return False
         return stamp >= first - _BEFORE
 
@@ -298,7 +322,7 @@ def _inputs(
     for stamp, topic, data in heapq.merge(
         *(_in_step(stream(topic)) for topic in inputs), key=itemgetter(0)
     ):
-        if relevant(topic.type_name, stamp):
+        if relevant(topic, stamp):
             yield topic, data
 
 

@@ -1,5 +1,6 @@
 """What every report is made of: one HTML text with everything in it, one style sheet for all."""
 
+import math
 import re
 from dataclasses import dataclass
 from functools import cache
@@ -32,9 +33,19 @@ def render_page(template: str, *, package: str = _PACKAGE, **content: Any) -> st
     return _environment(package).get_template(template).render(**content)
 
 
-def fixed(value: float | None, digits: int) -> str:
-    """Return a number with so many decimals, or a dash where there is none."""
-    return MISSING if value is None else f"{value:.{digits}f}"
+def fixed(value: float | None, digits: int, unit: float = 1.0, *, sign: str = "") -> str:
+    """Return a number in a unit with so many decimals, or a dash where there is none.
+
+    Args:
+        value: None or nan for none.
+        digits: Decimals.
+        unit: One shown unit in that of the value.
+        sign: `+` where a positive number has its sign, too.
+    """
+    if value is None or not math.isfinite(value):
+        return MISSING
+    # Minus zero is noise.
+    return f"{round(value / unit, digits) + 0.0:{sign}.{digits}f}"
 
 
 def anchor(title: str) -> str:

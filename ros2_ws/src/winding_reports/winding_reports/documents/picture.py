@@ -5,6 +5,7 @@ import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -104,6 +105,19 @@ def picture(figure: Figure, title: str, caption: str) -> Picture:
         figure.savefig(stream, format="svg", metadata={"Date": None}, dpi=DOTS_PER_INCH)
     encoded = base64.b64encode(stream.getvalue()).decode("ascii")
     return Picture(title=title, caption=caption, source=f"data:image/svg+xml;base64,{encoded}")
+
+
+def write_beside(
+    axes: Axes,
+    text: str,
+    at: tuple[float, float],
+    *,
+    dx: float = 0.0,
+    dy: float = 0.0,
+    **style: Any,
+) -> None:
+    """Write a text so many points to the right of a place and above it."""
+    axes.annotate(text, at, xytext=(dx, dy), textcoords="offset points", **style)
 
 
 def thinned(

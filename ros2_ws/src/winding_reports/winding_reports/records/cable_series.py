@@ -62,11 +62,7 @@ class CableSampler:
 
 
 class CableTable:
-    """A row for every node at every time.
-
-    Args:
-        target: Open for writing, newlines untranslated.
-    """
+    """A row for every node at every time, in a text file that is open for writing."""
 
     def __init__(self, target: TextIO) -> None:
         self._write: Callable[[list[Any]], Any] = csv.writer(target, lineterminator="\n").writerow
@@ -107,12 +103,7 @@ class VtkSeries:
         self._times.append(t)
 
     def write_collection(self, file: Path, folder: str) -> None:
-        """Write the .pvd file.
-
-        Args:
-            file: To be written.
-            folder: Of the series, as seen from that file.
-        """
+        """Write the .pvd file; the folder is that of the series as seen from there."""
         root = ElementTree.Element("VTKFile", type="Collection", version="0.1")
         collection = ElementTree.SubElement(root, "Collection")
         for i, t in enumerate(self._times):

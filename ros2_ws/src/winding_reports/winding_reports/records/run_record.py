@@ -213,6 +213,14 @@ class RunRecord(AxisSpeeds):
         return max([self.sim_s or 0.0, *stamps]) or 1.0
 
 
+# Numbers of a marker in JSON: fields of `MarkerRow`, lengths and angles with their units.
+_OF_A_ROW = (
+    *("original_m", "s_fem_m", "s_tracked_m", "theta_tracked_rad", "z_tracked_m"),
+    *("sigma_theta_rad", "sigma_z_m", "h", "h_held_out", "s_corrected_m", "s_published_m"),
+    *("error_fem_pct", "error_corrected_pct"),
+)
+
+
 def run_json(record: RunRecord) -> dict[str, Any]:
     """Return the run's numbers as JSON values; null where nothing was measured.
 
@@ -227,19 +235,10 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "markers": [
             {
                 "id": row.id,
-                "original_m": known(row.original),
-                "s_fem_m": known(row.s_fem),
-                "s_tracked_m": known(row.s_tracked),
-                "theta_tracked_rad": known(row.theta_tracked),
-                "z_tracked_m": known(row.z_tracked),
-                "sigma_theta_rad": known(row.sigma_theta),
-                "sigma_z_m": known(row.sigma_z),
-                "h": known(row.h),
-                "h_held_out": known(row.h_held_out),
-                "s_corrected_m": known(row.s_corrected),
-                "s_published_m": known(row.s_published),
-                "error_fem_pct": known(row.error_fem_pct),
-                "error_corrected_pct": known(row.error_corrected_pct),
+                **{
+                    key: known(getattr(row, key.removesuffix("_m").removesuffix("_rad")))
+                    for key in _OF_A_ROW
+                },
                 "error_held_out_pct": error_pct(row.s_published, row.s_held_out),
                 **({} if record.element == "rod" else {"s_rod_m": known(row.s_rod)}),
             }

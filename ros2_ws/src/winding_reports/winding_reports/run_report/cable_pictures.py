@@ -10,7 +10,15 @@ from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
 from winding_core.units import MILLIMETRE
-from winding_reports.documents.picture import FAINT, INK, PALE, Picture, canvas, picture
+from winding_reports.documents.picture import (
+    FAINT,
+    INK,
+    PALE,
+    Picture,
+    canvas,
+    picture,
+    write_beside,
+)
 from winding_reports.records.run_record import WoundCable
 
 Array = NDArray[np.float64]
@@ -61,7 +69,7 @@ def _picture(cables: list[WoundCable], title: str, caption: str) -> Picture:
     lines = -(-len(cables) // columns)
     scale = Normalize(0.0, max(5.0, *(100.0 * float(c.wound_strain.max()) for c in cables)))
     tall = [
-        max(_height_mm(cable) for cable in cables[row * columns : (row + 1) * columns])
+        max(float(np.ptp(_reach_mm(cable))) for cable in cables[row * columns :][:columns])
         for row in range(lines)
     ]
     high = sum(tall) / _MM_PER_INCH + 0.45 * lines + 0.9
@@ -76,12 +84,6 @@ def _picture(cables: list[WoundCable], title: str, caption: str) -> Picture:
         bar.set_label("axial strain of the cable, %")
         bar.outline.set_visible(False)
     return picture(figure, title, caption)
-
-
-def _height_mm(cable: WoundCable) -> float:
-    """Height of what is drawn of a cable."""
-    low, high = _reach_mm(cable)
-    return high - low
 
 
 def _reach_mm(cable: WoundCable) -> tuple[float, float]:
@@ -109,10 +111,10 @@ def _draw(axes: Axes, cable: WoundCable, scale: Normalize) -> PolyCollection:
         )
     )
     if cable.drum is not None:
-        ends = np.array(cable.drum.centre_lines(case.cable_diameter)) / MILLIMETRE
+        ends = np.array(cable.drum.inner_faces(case.cable_diameter)) / MILLIMETRE
         begin = cable.nodes[0, 2] / MILLIMETRE if 0 in cable.marks else 0.0
         outer = cable.drum.flange_radius / MILLIMETRE
-        for left in (begin + ends[0] - 0.5 * width - _FLANGE_MM, begin + ends[1] + 0.5 * width):
+        for left in (begin + ends[0] - _FLANGE_MM, begin + ends[1]):
             flange = Rectangle((left, -outer), _FLANGE_MM, 2.0 * outer, color=FAINT, zorder=2)
             axes.add_patch(flange)
         long = max(long, float(begin + ends[1]) + _MARGIN_MM)
@@ -200,13 +202,7 @@ def _markers(axes: Axes, cable: WoundCable) -> None:
             alpha=1.0 if front else 0.5,
             zorder=4,
         )
-        axes.annotate(
-            f"P{marker}",
-            (along, (case.cylinder_radius + case.cable_diameter) / MILLIMETRE),
-            xytext=(0, 2),
-            textcoords="offset points",
-            # The first marker lies close to the tied one.
-            ha="right" if marker == 0 else "center",
-            fontsize=6.5,
-            color=INK,
-        )
+        above = along, (case.cylinder_radius + case.cable_diameter) / MILLIMETRE
+        # The first marker lies close to the tied one.
+        aligned = "right" if marker == 0 else "center"
+        write_beside(axes, f"P{marker}", above, dy=2, ha=aligned, fontsize=6.5, color=INK)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from winding_core.lay.errors import FIRST_JUDGED, FULL_TURN, TurnError, lay_errors, turn_state
 from winding_core.lay.records import ControlBasis
 from winding_core.units import MILLIMETRE
-from winding_reports.documents.page import MISSING
+from winding_reports.documents.page import fixed
 from winding_reports.documents.picture import (
     CORRECTED,
     FAINT,
@@ -145,9 +145,9 @@ def lay_section(lay: LayOutcome) -> LaySection:
         landings=[
             [
                 f"P{landing.number}",
-                _turns(landing.wanted),
-                _turns(landing.landed),
-                _degrees(landing.landed - landing.wanted),
+                fixed(landing.wanted, 4, FULL_TURN),
+                fixed(landing.landed, 4, FULL_TURN),
+                fixed(landing.landed - landing.wanted, 2, math.radians(1.0), sign="+"),
             ]
             for landing in lay.landings
         ],
@@ -191,28 +191,15 @@ def _mode(lay: LayOutcome) -> str:
 def _row(turn: TurnError, without: TurnError | None, tolerance: float) -> list[str]:
     return [
         str(turn.number),
-        f"{turn.wanted_z / MILLIMETRE:.2f}",
-        f"{turn.measured_z / MILLIMETRE:.2f}",
-        _signed(turn.mean),
-        f"{turn.rms / MILLIMETRE:.3f}",
-        _signed(turn.largest),
-        f"{turn.sigma_z / MILLIMETRE:.2f}",
-        MISSING if without is None else f"{without.mean / MILLIMETRE:.2f}",
+        fixed(turn.wanted_z, 2, MILLIMETRE),
+        fixed(turn.measured_z, 2, MILLIMETRE),
+        fixed(turn.mean, 3, MILLIMETRE, sign="+"),
+        fixed(turn.rms, 3, MILLIMETRE),
+        fixed(turn.largest, 3, MILLIMETRE, sign="+"),
+        fixed(turn.sigma_z, 2, MILLIMETRE),
+        fixed(None if without is None else without.mean, 2, MILLIMETRE),
         turn_state(turn, tolerance),
     ]
-
-
-def _signed(value: float) -> str:
-    # Minus zero is noise.
-    return f"{round(value / MILLIMETRE, 3) + 0.0:+.3f}"
-
-
-def _turns(angle: float) -> str:
-    return f"{angle / FULL_TURN:.4f}" if math.isfinite(angle) else MISSING
-
-
-def _degrees(angle: float) -> str:
-    return f"{math.degrees(angle):+.2f}" if math.isfinite(angle) else MISSING
 
 
 def outcome_picture(lay: LayOutcome) -> Picture:

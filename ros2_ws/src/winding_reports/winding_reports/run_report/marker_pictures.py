@@ -22,6 +22,7 @@ from winding_reports.documents.picture import (
     broken,
     canvas,
     picture,
+    write_beside,
 )
 from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord
 
@@ -44,13 +45,8 @@ def marker_picture(record: RunRecord) -> Picture:
                     )
                 last = predicted if len(predicted.t) else tracked
                 if len(last.t):
-                    axes.annotate(
-                        f"P{marker}",
-                        (last.t[-1], getattr(last, name)[-1] * scale),
-                        xytext=(4, 0),
-                        textcoords="offset points",
-                        va="center",
-                    )
+                    place = last.t[-1], getattr(last, name)[-1] * scale
+                    write_beside(axes, f"P{marker}", place, dx=4, va="center")
             for axes, name, scale in ((dtheta, "theta", 1e3), (dz, "z", 1e3)):
                 _difference(axes, predicted, tracked, name, scale)
         for axes, title in (
@@ -78,16 +74,13 @@ def marker_picture(record: RunRecord) -> Picture:
 def lay_picture(record: RunRecord) -> Picture:
     """Return the lay on the unrolled cylinder."""
     with canvas(3.4) as (figure, (axes,)):
-        reach = max(
-            [
-                _last(record, name, m)[0]
-                for name in ("predicted", "tracked", "rod")
-                for m in record.marker_ids
-            ],
-            default=0.0,
-        )
-        published = record.published
-        reach = max([reach, *(row.experiment.theta for row in published if row.experiment)])
+        measured = [row.experiment for row in record.published if row.experiment]
+        places = {
+            name: [_last(record, name, marker) for marker in record.marker_ids]
+            for name in ("tracked", "predicted", "rod")
+        }
+        reached = [theta for found in places.values() for theta, _ in found]
+        reach = max([0.0, *reached, *(lay.theta for lay in measured)])
         if reach > 0.0 and record.drive.feed_speed > 0.0:
             law = FleetAngleLaw(
                 advance_per_radian=record.drive.advance_per_radian,
@@ -102,20 +95,13 @@ def lay_picture(record: RunRecord) -> Picture:
                 label="kinematic reference",
                 zorder=1,
             )
-        for name, colour, size in (
-            ("tracked", TRACKED, 90),
-            ("predicted", PREDICTED, 36),
-            ("rod", ROD, 12),
-        ):
-            points = [_last(record, name, marker) for marker in record.marker_ids]
-            known = [
-                (angle / _TURN, height / MILLIMETRE) for angle, height in points if angle > 0.0
-            ]
-            if known:
-                turns, heights = zip(*known, strict=True)
+        sizes = {TRACKED: 90, PREDICTED: 36, ROD: 12}
+        for (name, found), (colour, size) in zip(places.items(), sizes.items(), strict=True):
+            known = np.array([place for place in found if place[0] > 0.0])
+            if known.size:
+                turns, heights = (known / (_TURN, MILLIMETRE)).T
                 label = _ROD_AHEAD if name == "rod" else name
                 axes.scatter(turns, heights, s=size, color=colour, label=label, zorder=2)
-        measured = [row.experiment for row in published if row.experiment]
         if measured:
             axes.scatter(
                 [lay.theta / _TURN for lay in measured],
@@ -158,13 +144,7 @@ def _difference(
     model = np.interp(t, predicted.t, getattr(predicted, name))
     gap = scale * (model - getattr(tracked, name)[both])
     axes.plot(*broken(t, gap), color=PREDICTED, linewidth=0.8)
-    axes.annotate(
-        f"P{int(predicted.id[0])}",
-        (t[-1], gap[-1]),
-        xytext=(4, 0),
-        textcoords="offset points",
-        va="center",
-    )
+    write_beside(axes, f"P{int(predicted.id[0])}", (t[-1], gap[-1]), dx=4, va="center")
 
 
 def lengths_picture(record: RunRecord) -> Picture:
@@ -253,14 +233,7 @@ def _error_bars(axes: Axes, record: RunRecord, published: dict[int, PublishedMar
         )
         for x, value in zip(place, values, strict=True):
             if value is not None:
-                axes.annotate(
-                    f"{value:.1f}",
-                    (x, value),
-                    xytext=(0, 2),
-                    textcoords="offset points",
-                    ha="center",
-                    fontsize=6.5,
-                )
+                write_beside(axes, f"{value:.1f}", (x, value), dy=2, ha="center", fontsize=6.5)
     axes.set_title("error against the experiment, %")
     axes.legend(loc="upper right", ncols=2)
     # Two names stand in a row of the legend.

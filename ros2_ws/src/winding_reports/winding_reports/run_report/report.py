@@ -108,8 +108,8 @@ def _tiles(record: RunRecord) -> list[Tile]:
     if record.sim_s and record.wall_s:
         pace = f"{record.sim_s / record.wall_s:.2g} × real time"
     return [
-        Tile(label="Simulated", value=_with_unit(record.sim_s, "s", 1)),
-        Tile(label="Wall time", value=_with_unit(record.wall_s, "s", 1), remark=pace),
+        Tile(label="Simulated", value=_with_unit(record.sim_s, "s")),
+        Tile(label="Wall time", value=_with_unit(record.wall_s, "s"), remark=pace),
         _counted("Camera frames", record.frames, record.frames_lost),
         _counted("Encoder samples", record.joint_states, record.joint_states_lost),
         *_mean_tiles(record.verdict),
@@ -123,17 +123,15 @@ def _counted(label: str, count: int | None, lost: int | None) -> Tile:
 
 def _mean_tiles(verdict: ErrorVerdict) -> list[Tile]:
     before = f"predicted {_mean(verdict, 'predicted')} %"
+    names = {"in-sample": "corrected", "held out": "held_out"}
     if verdict.worst_held_out is None:
-        return [_error_tile("Mean error, corrected", verdict, "corrected", before)]
-    return [
-        _error_tile("Mean error, in-sample", verdict, "corrected", before),
-        _error_tile("Mean error, held out", verdict, "held_out", before),
-    ]
-
-
-def _error_tile(label: str, verdict: ErrorVerdict, name: str, remark: str) -> Tile:
-    mean = _mean(verdict, name)
-    return Tile(label=label, value=mean if mean == MISSING else f"{mean} %", remark=remark)
+        names = {"corrected": "corrected"}
+    tiles = []
+    for name, of in names.items():
+        mean = _mean(verdict, of)
+        value = mean if mean == MISSING else f"{mean} %"
+        tiles.append(Tile(label=f"Mean error, {name}", value=value, remark=before))
+    return tiles
 
 
 def _mean(verdict: ErrorVerdict, name: str) -> str:
@@ -179,8 +177,8 @@ def _interval(low: float | None, high: float | None) -> str:
 
 
 def _millimetres(value: float | None) -> str:
-    return MISSING if value is None else fixed(value / MILLIMETRE, 2)
+    return fixed(value, 2, MILLIMETRE)
 
 
-def _with_unit(value: float | None, unit: str, digits: int) -> str:
-    return MISSING if value is None else f"{value:.{digits}f} {unit}"
+def _with_unit(value: float | None, unit: str) -> str:
+    return MISSING if value is None else f"{value:.1f} {unit}"

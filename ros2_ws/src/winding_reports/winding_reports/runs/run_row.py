@@ -50,21 +50,15 @@ class RunRow(NamedTuple):
 
 
 def row_of_file(path: str, file: Path) -> RunRow:
-    """Return the row of a run's numbers; one that cannot be read has the reason.
-
-    Args:
-        path: Of the run's folder, from the indexed one.
-        file: Its `run.json`.
-    """
+    """Return the row of a run's `run.json`; one that cannot be read has the reason."""
     try:
         if file.stat().st_size > _LARGEST:
             return RunRow(path=path, reason=f"run.json is larger than {_LARGEST} bytes")
-        content = json.loads(file.read_bytes())
+        return run_row(path, _content(file))
+    except ValueError as error:
+        return RunRow(path=path, reason=f"run.json {error}")
     except OSError as error:
         return RunRow(path=path, reason=f"run.json cannot be read: {error.strerror or error}")
-    except (ValueError, RecursionError):
-        return RunRow(path=path, reason="run.json is no JSON")
-    return run_row(path, content)
 
 
 def run_row(path: str, content: object) -> RunRow:
@@ -198,30 +192,36 @@ def compared(first: Path, second: Path) -> dict[str, Any]:
     Raises:
         ValueError: One of them cannot be read.
     """
-    runs = [_content(path) for path in (first, second)]
-    pairs = zip(
-        *(_values(path, run) for path, run in zip((first, second), runs, strict=True)), strict=True
-    )
-    rows = [_row(name, one, other) for (name, one), (_, other) in pairs]
-    return {"runs": [str(first), str(second)], "rows": [*rows, *_markers(runs), *_condition(runs)]}
+    files, runs = (first, second), []
+    for path in files:
+        try:
+            runs.append(_content(path))
+        except ValueError as error:
+            raise ValueError(f"{path} {error}") from error
+    both = [run_row(str(path.parent), run) for path, run in zip(files, runs, strict=True)]
+    for path, row in zip(files, both, strict=True):
+        if row.verdict == UNREADABLE:
+            raise ValueError(f"{path}: {row.reason}")
+    rows = [
+        _row(name, *(getattr(row, name) for row in both))
+        for name in RunRow._fields
+        if name not in _OF_THE_INDEX
+    ]
+    return {"runs": [*map(str, files)], "rows": [*rows, *_markers(runs), *_condition(runs)]}
 
 
 def _content(path: Path) -> Any:
+    """Return what a file of JSON holds.
+
+    Raises:
+        ValueError: Why it cannot be read, to follow its name.
+    """
     try:
-        content = json.loads(path.read_bytes())
+        return json.loads(path.read_bytes())
     except OSError as error:
-        raise ValueError(f"{path} cannot be read: {error.strerror or error}") from error
+        raise ValueError(f"cannot be read: {error.strerror or error}") from error
     except (ValueError, RecursionError) as error:
-        raise ValueError(f"{path} is no JSON") from error
-    row = run_row(str(path.parent), content)
-    if row.verdict == UNREADABLE:
-        raise ValueError(f"{path}: {row.reason}")
-    return content
-
-
-def _values(path: Path, content: Any) -> list[tuple[str, Any]]:
-    row: RunRow = run_row(str(path.parent), content)
-    return [item for item in row._asdict().items() if item[0] not in _OF_THE_INDEX]
+        raise ValueError("is no JSON") from error
 
 
 def _row(name: str, first: Any, second: Any) -> dict[str, Any]:

@@ -280,10 +280,8 @@ def trends(rows: Iterable[RunRow]) -> list[Trend]:
 
     That with the newest announcement is the first.
 
-    Runs that were broken off, lost data or have no date are left out.
-
-    Args:
-        rows: In the order of their dates.
+    Rows are in the order of their dates; those that were broken off, lost data or have no date are
+    left out.
     """
     series: dict[tuple[str | None, str | None, str], list[RunRow]] = {}
     for row in rows:

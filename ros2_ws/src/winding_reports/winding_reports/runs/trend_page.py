@@ -41,13 +41,9 @@ _NOTES = (
 def render_trend(
     folder: str, rows: Sequence[RunRow], counts: Mapping[str, int], found: Sequence[Trend]
 ) -> str:
-    """Return the page as one HTML text that loads nothing from anywhere.
+    """Return the page of a folder as one HTML text that loads nothing from anywhere.
 
-    Args:
-        folder: Of the runs.
-        rows: In the order of their dates.
-        counts: Of runs by verdict.
-        found: Trends of these, those that are drawn first.
+    Rows are in the order of their dates; of the trends the first are drawn.
     """
     sentences = announcements(found)
     drawn = [_picture(trend) for trend in found[:MOST_PICTURES]]
@@ -87,13 +83,10 @@ def runs_table(rows: Sequence[RunRow]) -> DataTable:
     return DataTable(
         name="runs",
         title="Runs",
-        columns=tuple(
-            Column(name=name, digits=digits)
-            for name, digits in (
-                *(("date", 0), ("run", 0), ("verdict", 0), ("cable", 0), ("machine", 0)),
-                *(("batch", 0), ("operator", 0), ("E, MPa", 4), ("error, %", 2), ("lay, mm", 2)),
-                ("reason or remark", 0),
-            )
+        columns=(
+            *map(_column, ("date", "run", "verdict", "cable", "machine", "batch", "operator")),
+            *(_column("E, MPa", 4), _column("error, %"), _column("lay, mm")),
+            _column("reason or remark"),
         ),
         rows=tuple(
             (
@@ -107,6 +100,10 @@ def runs_table(rows: Sequence[RunRow]) -> DataTable:
             for row in rows
         ),
     )
+
+
+def _column(name: str, digits: int = 2) -> Column:
+    return Column(name=name, digits=digits)
 
 
 def _picture(trend: Trend) -> Picture:

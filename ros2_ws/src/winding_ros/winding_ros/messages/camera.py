@@ -1,5 +1,6 @@
 """Camera frames and their calibration as messages, and back (REP-104)."""
 
+from array import array
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Protocol
@@ -217,7 +218,8 @@ def encode_compressed(t: float, picture: FileImage) -> CompressedImage:
     message = CompressedImage(format=picture.format)
     message.header.stamp = encode_stamp(t)
     message.header.frame_id = CAMERA_FRAME
-    message._data = np.frombuffer(picture.data, dtype=np.uint8)
+    message.data = array("B")
+    message.data.frombytes(picture.data)
     return message
 
 

@@ -4,6 +4,7 @@ import traceback
 from collections.abc import Callable, Iterable
 from typing import Any, Generic, TypeVar
 
+from lifecycle_msgs.srv import ChangeState
 from rclpy.clock import Clock, ClockType
 from rclpy.lifecycle import LifecycleNode, TransitionCallbackReturn
 
@@ -17,6 +18,7 @@ from winding_ros.runtime.endpoints import Endpoints
 from winding_ros.runtime.heartbeat import Heartbeat
 from winding_ros.runtime.message_handler import Answer
 from winding_ros.runtime.node_parameters import (
+    DECLARED_FROM_OVERRIDES,
     add_parameter_validation,
     declare_parameters,
     read_parameters,
@@ -45,7 +47,8 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
     """
 
     def __init__(self, spec: NodeSpec, configuration: type[Configuration], **kwargs: Any) -> None:
-        super().__init__(spec.name, **kwargs)
+        super().__init__(spec.name, **DECLARED_FROM_OVERRIDES, **kwargs)
+        self._survive_invalid_transitions()
         self._spec = spec
         # The node's parameters.
         self.configuration: Configuration = declare_parameters(self, configuration)
@@ -212,17 +215,23 @@ class ManagedNode(LifecycleNode, Generic[Configuration]):  # type: ignore[misc]
             encode_diagnostics(stamp, statuses, hardware_id=self.get_namespace())
         )
 
-    def _LifecycleNodeMixin__on_change_state(self, request: Any, response: Any) -> Any:  # noqa: N802
-        # rclpy 7.1 lets an invalid transition request escape spin() and kill the node; its
-        # error type is private, and this private method is the only place to catch it.
-        try:
-            return super()._LifecycleNodeMixin__on_change_state(request, response)
-        except Exception as error:  # noqa: BLE001
-            self.get_logger().warning(
-                f"refused transition {request.transition.id} {request.transition.label!r}: {error}"
-            )
-            response.success = False
-            return response
+    def _survive_invalid_transitions(self) -> None:
+        """Refuse them: rclpy 7.1 lets their error, of a private type, escape spin()."""
+        (service,) = (each for each in self.services if each.srv_type is ChangeState)
+        change = service.callback
+
+        def answer(request: ChangeState.Request, response: ChangeState.Response) -> Any:
+            try:
+                return change(request, response)
+            except Exception as error:  # noqa: BLE001
+                wanted = request.transition
+                self.get_logger().warning(
+                    f"refused transition {wanted.id} {wanted.label!r}: {error}"
+                )
+                response.success = False
+                return response
+
+        service.callback = answer
 
     def _publish_diagnostics(self) -> None:
         if self._fatal is not None:

@@ -18,26 +18,31 @@ from winding_core.parameters import Declaration, ParameterError, build, declarat
 from winding_ros.runtime.parameter_files import declared_names
 
 Configuration = TypeVar("Configuration")
+# Of a node's constructor: rclpy lists overrides only once they are declared.
+DECLARED_FROM_OVERRIDES = {"automatically_declare_parameters_from_overrides": True}
 
 
 def declare_parameters(node: Node, configuration: type[Configuration]) -> Configuration:
     """Declare every parameter on a node and return the configuration with its overrides.
 
+    Args:
+        node: Made with DECLARED_FROM_OVERRIDES.
+        configuration: Dataclass that states them.
+
     Raises:
         ParameterError: An override has an unknown name, a wrong type or is out of range.
     """
-    overrides = _overrides(node)
+    overrides = declared_names(node.get_parameters_by_prefix(""))
     declared = {item.name: item for item in declarations(configuration)}
-    refuse_unknown(
-        declared_names(overrides), declared, owner=f"node {node.get_fully_qualified_name()}"
-    )
+    refuse_unknown(overrides, declared, owner=f"node {node.get_fully_qualified_name()}")
     values: dict[str, object] = {}
     for name, item in declared.items():
+        value = item.default
         if name in overrides:
-            values[name] = item.convert(overrides[name].value)
             # A whole number in YAML would make rclpy refuse a double parameter.
-            overrides[name] = Parameter(name, value=values[name])
-        node.declare_parameter(name, item.default, _descriptor(item))
+            value = values[name] = item.convert(overrides[name].value)
+            node.undeclare_parameter(name)
+        node.declare_parameter(name, value, _descriptor(item), ignore_override=True)
     return build(configuration, values, owner=f"node {node.get_fully_qualified_name()}")
 
 
@@ -75,12 +80,6 @@ def add_parameter_validation(node: Node, configuration: type, fixed: Callable[[]
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(check)
-
-
-def _overrides(node: Node) -> dict[str, Parameter]:
-    # rclpy offers no public way to list overrides before they are declared.
-    overrides: dict[str, Parameter] = node._parameter_overrides
-    return overrides
 
 
 def _descriptor(item: Declaration) -> ParameterDescriptor:

@@ -220,32 +220,24 @@ def _is(diameter: float, millimetres: int) -> bool:
 
 def models_table(models: Mapping[str, ModelScore]) -> DataTable:
     """Return every model, the best on cases left out first."""
-    order = sorted(models.items(), key=model_order)
+    columns: dict[Column, Callable[[ModelScore], Value]] = {
+        Column(name="kind"): lambda model: model.kind,
+        Column(name="in-sample"): lambda model: model.in_sample_pct,
+        Column(name="± over seeds"): lambda model: 0.5 * model.in_sample_spread_pct,
+        Column(name="case left out"): lambda model: model.leave_one_case_out_pct,
+        Column(name="± over seeds, left out"): lambda model: (
+            0.5 * model.leave_one_case_out_spread_pct
+        ),
+        Column(name="worst case left out"): lambda model: model.worst_case_pct,
+        Column(name="± bound, 12 of 13 cases", digits=1): lambda model: model.bound_pct,
+    }
     return DataTable(
         name="models",
         title="Every model of the weight h, mean error of a length in %",
-        columns=(
-            Column(name="model"),
-            Column(name="kind"),
-            Column(name="in-sample"),
-            Column(name="± over seeds"),
-            Column(name="case left out"),
-            Column(name="± over seeds, left out"),
-            Column(name="worst case left out"),
-            Column(name="± bound, 12 of 13 cases", digits=1),
-        ),
+        columns=(Column(name="model"), *columns),
         rows=tuple(
-            (
-                name,
-                model.kind,
-                model.in_sample_pct,
-                0.5 * model.in_sample_spread_pct,
-                model.leave_one_case_out_pct,
-                0.5 * model.leave_one_case_out_spread_pct,
-                model.worst_case_pct,
-                model.bound_pct,
-            )
-            for name, model in order
+            (name, *(value(model) for value in columns.values()))
+            for name, model in sorted(models.items(), key=model_order)
         ),
         note="Over seeds: half of largest minus smallest. The bound is the largest residual of the "
         "left-out cases, in % of the corrected length.",

@@ -27,6 +27,7 @@ from winding_reports.documents.picture import (
     Picture,
     canvas,
     picture,
+    write_beside,
 )
 from winding_study.paper.paper_tables import model_order
 from winding_study.paper.study_record import StudyRecord
@@ -230,27 +231,14 @@ def models_picture(record: StudyRecord) -> Picture:
                     error_kw={"ecolor": INK, "elinewidth": 1.0, "capsize": 2.0},
                 )
                 # The paper's line must not run through a number.
-                axes.annotate(
-                    f"{value:.2f}",
-                    (value + 0.5 * (spread if spread > 0.0 else 0.0), row + shift),
-                    xytext=(4, 0),
-                    textcoords="offset points",
-                    va="center",
-                    fontsize=7.5,
-                    bbox={"facecolor": "white", "edgecolor": "none", "pad": 0.8},
-                )
+                box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
+                end = value + 0.5 * max(spread, 0.0), row + shift
+                write_beside(axes, f"{value:.2f}", end, dx=4, va="center", fontsize=7.5, bbox=box)
         paper = record.paper_updated_pct()
         axes.axvline(paper, color=PAPER_CORRECTED, linewidth=1.4, linestyle=(0, (5, 3)))
-        axes.annotate(
-            f"paper's network, in-sample: {paper:.2f} %",
-            (paper, 1.0),
-            xycoords=("data", "axes fraction"),
-            xytext=(0, 3),
-            textcoords="offset points",
-            ha="left",
-            fontsize=8.0,
-            color=INK,
-        )
+        label, top = f"paper's network, in-sample: {paper:.2f} %", ("data", "axes fraction")
+        style = {"xycoords": top, "ha": "left", "fontsize": 8.0, "color": INK}
+        write_beside(axes, label, (paper, 1.0), dy=3, **style)
         axes.set_yticks(range(len(models)), [name for name, _ in models])
         axes.invert_yaxis()
         axes.set_xlim(0.0, 1.12 * longest)
@@ -279,14 +267,9 @@ def neighbours_picture(table: DataTable) -> Picture:
     noise, *kinds = [column.name for column in table.columns]
     with canvas(2.9) as (figure, (axes,)):
         axes.axhline(PAPER_ACCURACY_PCT, color=PAPER, linewidth=1.4, linestyle=(0, (5, 3)))
-        axes.annotate(
-            "paper: up to 91.3 %",
-            (1.0, PAPER_ACCURACY_PCT),
-            xycoords=("axes fraction", "data"),
-            xytext=(0, 3),
-            textcoords="offset points",
-            ha="right",
-        )
+        right = ("axes fraction", "data")
+        end = 1.0, PAPER_ACCURACY_PCT
+        write_beside(axes, "paper: up to 91.3 %", end, dy=3, xycoords=right, ha="right")
         styles = ((PREDICTED, "o", "-"), (TRACKED, "s", "--"), (CORRECTED, "^", ":"))
         for kind, (colour, shape, line) in zip(kinds, styles, strict=False):
             axes.plot(

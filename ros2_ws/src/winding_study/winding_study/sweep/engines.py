@@ -22,8 +22,6 @@ from winding_study.sweep.outcome import wind_batch
 LARGEST_BATCH = 20
 
 PATIENCE = 3  # How often in a row workers may be killed before anything new is done
-
-
 IDLE_TIME = 20.0  # After this an idle process ends [s]: soon enough when its parent was killed
 CONNECT_TIME = 20.0  # Time for a scheduler to answer and to have its first worker [s]
 # Where the status page of a scheduler of this machine listens: any free port, on this machine only.

@@ -78,9 +78,7 @@ class SimulatedMachine(Machine):
             GraphError: It refused.
             TimeoutError: It does not answer.
         """
-        response = await self._client.call(
-            Trigger, self._name(services.START.name), Trigger.Request(), START_TIMEOUT
-        )
+        response = await self._ask(services.START.name, START_TIMEOUT)
         if not response.success:
             raise GraphError(f"{services.START.name} was refused: {response.message}")
 
@@ -88,15 +86,14 @@ class SimulatedMachine(Machine):
         """Ask it to come to rest; return how that failed, or nothing."""
         service, self._stopped = services.QUICK_STOP.name, True
         try:
-            answer = await self._client.call(
-                Trigger, self._name(service), Trigger.Request(), _STOP_TIMEOUT
-            )
+            answer = await self._ask(service, _STOP_TIMEOUT)
         except TimeoutError:
             return f"{topics.RIG} did not answer to {service}"
         return "" if answer.success else f"{topics.RIG} refused {service} ({answer.message})"
 
-    def _name(self, service: str) -> str:
-        return str(self._client.node.resolve_service_name(service))
+    async def _ask(self, service: str, timeout: float) -> Trigger.Response:
+        name = str(self._client.node.resolve_service_name(service))
+        return await self._client.call(Trigger, name, Trigger.Request(), timeout)
 
     @property
     def _phase(self) -> str | None:

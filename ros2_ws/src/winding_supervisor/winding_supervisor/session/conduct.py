@@ -98,10 +98,7 @@ class Conduct:
 class NextRun(Conduct):
     """Runs of an external machine: each begins where the machine stands when it is asked for.
 
-    Args:
-        who: Takes part in the session.
-        machine: May be moved by hand between two runs.
-        parameters: Returns the parameters of every node, by node.
+    The machine may be moved by hand between two runs; `parameters` returns those of every node.
     """
 
     operated = True

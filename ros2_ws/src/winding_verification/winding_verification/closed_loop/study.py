@@ -1,8 +1,9 @@
 """The twelve cases under hidden rigs, with the loop closed and open: where the markers land."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Any
 
 import joblib
@@ -124,11 +125,8 @@ def summary(rows: list[ClosedLoopRow]) -> dict[tuple[str, str], Mapping[str, Arr
     found: dict[tuple[str, str], Mapping[str, Array]] = {}
     for truth, mode in sorted({(row.truth, row.mode) for row in rows}):
         chosen = [row for row in rows if (row.truth, row.mode) == (truth, mode)]
-        most = max(row.marker_error.size for row in chosen)
-        parts: dict[str, Array] = {}
-        for n in range(most):
-            errors = np.array([row.marker_error[n] for row in chosen if row.marker_error.size > n])
-            parts[f"P{n + 1}"] = _percentiles(np.abs(errors))
+        errors = _by_marker(row.marker_error for row in chosen)
+        parts = {f"P{n}": _percentiles(np.abs(own)) for n, own in enumerate(errors, 1)}
         parts["turns"] = _percentiles(np.concatenate([row.turn_rms[2:] for row in chosen]))
         found[truth, mode] = parts
     return found
@@ -219,19 +217,21 @@ def miss_summary(rows: list[ClosedLoopRow]) -> dict[str, Mapping[str, Array]]:
     for truth in sorted({row.truth for row in closed}):
         chosen = [row for row in closed if row.truth == truth]
         parts: dict[str, Array] = {}
-        for n in range(max(row.marker_miss.size for row in chosen)):
-            pairs = [
-                (row.marker_miss[n], row.expected_miss[n])
-                for row in chosen
-                if row.marker_miss.size > n
-            ]
-            miss, expected = np.abs(np.array(pairs)).T / _FULL_TURN
+        misses = _by_marker(row.marker_miss for row in chosen)
+        limits = _by_marker(row.expected_miss for row in chosen)
+        for n, pair in enumerate(zip(misses, limits, strict=True), 1):
+            miss, expected = np.abs(pair) / _FULL_TURN
             known = np.isfinite(miss)
-            parts[f"P{n + 1}"] = _percentiles(miss)
-            held = miss[known] <= np.maximum(expected[known], MISS_BARS[min(n, 1)])
-            parts[f"P{n + 1} expected"] = np.array([held.mean() if held.size else np.nan])
+            parts[f"P{n}"] = _percentiles(miss)
+            held = miss[known] <= np.maximum(expected[known], MISS_BARS[min(n, 2) - 1])
+            parts[f"P{n} expected"] = np.array([held.mean() if held.size else np.nan])
         found[truth] = parts
     return found
+
+
+def _by_marker(runs: Iterable[Array]) -> Array:
+    """Return numbers of runs by marker, shape (markers, runs); nan where a run has none."""
+    return np.array(list(zip_longest(*runs, fillvalue=np.nan)))
 
 
 def _percentiles(values: Array) -> Array:

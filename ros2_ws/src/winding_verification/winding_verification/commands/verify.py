@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
+from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
@@ -11,7 +13,7 @@ import typer
 from rich.progress import MofNCompleteColumn
 from rich.table import Table
 
-from winding_cli.terminal.console import busy, result_console
+from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.refusal import FAILED, refuse
 
@@ -68,12 +70,7 @@ def _verify_suite(problems: Sequence[str]) -> tuple[bool, list[dict[str, Any]]]:
 
 
 def _compare_external(folder: Path, names: Sequence[str]) -> tuple[bool, list[dict[str, Any]]]:
-    """Compute experiments, all if none is named, beside their published figures; return as above.
-
-    Args:
-        folder: Somewhere above their files.
-        names: Of experiments.
-    """
+    """Compute experiments, all if none is named, beside published figures; return as above."""
     from cable_fem_node.dynamics.state import SolverError
     from winding_verification.experiments.comparison import NAMES, found_work
 
@@ -110,64 +107,54 @@ def _computed(
             show(advance=1)
 
 
-def _table(title: str, left: Sequence[str], right: Sequence[str]) -> Table:
-    table = Table(title=title)
-    for column in left:
-        table.add_column(column)
-    for column in right:
-        table.add_column(column, justify="right")
-    return table
+_SUITE = (
+    Shown("problem", lambda _: ""),
+    Shown("quantity", lambda row: f"{row.quantity} \\[{row.unit}]"),
+    Shown("reference", lambda row: _figure(row.reference), ".6g"),
+    Shown("computed", lambda row: _figure(row.computed), ".6g"),
+    Shown("error", lambda row: row.error, ".2g", missing="nan"),
+    Shown("tolerance", lambda row: f"{row.tolerance:.2g} {'rel' if row.relative else row.unit}"),
+    Shown("pass", lambda row: _pass(row.passed)),
+)
 
 
 def _suite_table(rows: list[Row]) -> Table:
-    table = _table(
-        "Verification of the solver",
-        ("problem", "quantity"),
-        ("reference", "computed", "error", "tolerance", "pass"),
-    )
-    titled = ""
-    for row in rows:
-        if row.problem != titled:
-            titled = row.problem
-            table.add_section()
-            table.add_row(f"[bold]{row.problem}[/bold]", f"[bold]{row.title}[/bold]")
-        sign = "rel" if row.relative else row.unit
-        table.add_row(
-            "",
-            f"{row.quantity} \\[{row.unit}]",
-            *(
-                f"{value:.6g}" if isinstance(value, int | float) else "array"
-                for value in (row.reference, row.computed)
-            ),
-            f"{row.error:.2g}",
-            f"{row.tolerance:.2g} {sign}",
-            _pass(row.passed),
-        )
+    table = record_table(_SUITE, (), words=2, title="Verification of the solver")
+    for (problem, title), own in groupby(rows, key=attrgetter("problem", "title")):
+        table.add_section()
+        table.add_row(f"[bold]{problem}[/bold]", f"[bold]{title}[/bold]")
+        for row in own:
+            table.add_row(*(column.text(row) for column in _SUITE))
     return table
 
 
 def _external_table(rows: list[ExternalRow]) -> Table:
-    solvers = sorted({solver for row in rows for solver in row.published})
-    table = _table(
-        "Other people's experiments",
-        ("experiment", "variant", "quantity"),
-        (*(f"published: {solver}" for solver in solvers), "here", "bar", "pass"),
-    )
-    titled = ""
-    for row in rows:
-        if row.experiment != titled:
-            titled = row.experiment
-            table.add_section()
-        figures = (*(row.published.get(solver) for solver in solvers), row.computed)
-        table.add_row(
-            row.experiment,
-            row.variant,
-            row.quantity,
-            *("" if value is None else f"{value:.3g}" for value in figures),
-            "" if row.bar is None else f"{'>=' if row.at_least else '<='} {row.bar:.2g}",
-            "" if row.bar is None else _pass(row.passed),
+    def published(solver: str) -> Shown:
+        return Shown(
+            f"published: {solver}", lambda row: row.published.get(solver), ".3g", missing=""
         )
+
+    def bar(row: ExternalRow) -> str:
+        sign = ">=" if row.at_least else "<="
+        return "" if row.bar is None else f"{sign} {row.bar:.2g}"
+
+    columns = (
+        *(Shown(name, attrgetter(name)) for name in ("experiment", "variant", "quantity")),
+        *map(published, sorted({solver for row in rows for solver in row.published})),
+        Shown("here", lambda row: row.computed, ".3g", missing="nan"),
+        Shown("bar", bar),
+        Shown("pass", lambda row: "" if row.bar is None else _pass(row.passed)),
+    )
+    table = record_table(columns, (), words=3, title="Other people's experiments")
+    for _, own in groupby(rows, key=attrgetter("experiment")):
+        table.add_section()
+        for row in own:
+            table.add_row(*(column.text(row) for column in columns))
     return table
+
+
+def _figure(value: Any) -> Any:
+    return value if isinstance(value, int | float) else "array"
 
 
 def _pass(passed: bool) -> str:

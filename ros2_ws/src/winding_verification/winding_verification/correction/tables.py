@@ -32,13 +32,7 @@ class NoiseAccuracy:
 
 
 def accuracy_by_noise(
-    noises: Sequence[float],
-    *,
-    kinds: Sequence[Noise] = (Noise.RUN, Noise.MARKER),
-    neighbours: int = NEIGHBOURS,
-    repetitions: int = REPETITIONS,
-    campaigns: int = CAMPAIGNS,
-    seed: int = 0,
+    noises: Sequence[float], *, campaigns: int = CAMPAIGNS, seed: int = 0
 ) -> tuple[NoiseAccuracy, ...]:
     """Return how often K-NN names the case of a repetition, by noise. Simulated, see `LABEL`.
 
@@ -60,9 +54,6 @@ def accuracy_by_noise(
 
     Args:
         noises: Relative standard deviations.
-        kinds: Kinds of noise.
-        neighbours: k.
-        repetitions: Of each case in a campaign.
         campaigns: How many pairs of campaigns are averaged.
         seed: Of the simulation.
 
@@ -70,24 +61,19 @@ def accuracy_by_noise(
         One result for each kind and noise, kinds first.
     """
     results = []
-    for kind in kinds:
+    for kind in (Noise.RUN, Noise.MARKER):
         for noise in noises:
             generator = np.random.default_rng(seed)
-            shares = [
-                _campaign(noise, kind, neighbours, repetitions, generator) for _ in range(campaigns)
-            ]
+            shares = [_campaign(noise, kind, generator) for _ in range(campaigns)]
             results.append(NoiseAccuracy(noise=noise, kind=kind, accuracy=float(np.mean(shares))))
     return tuple(results)
 
 
-def _campaign(
-    noise: float, kind: Noise, neighbours: int, repetitions: int, generator: np.random.Generator
-) -> float:
+def _campaign(noise: float, kind: Noise, generator: np.random.Generator) -> float:
     cases, table = published_lengths()
-    known = repeated_runs(table, repetitions, noise, kind, generator)
-    fresh = repeated_runs(table, repetitions, noise, kind, generator)
-    truth = np.repeat(cases, repetitions)
-    cases, shares = KnownRuns(lengths=known, cases=truth, neighbours=neighbours).votes(fresh)
+    known, fresh = (repeated_runs(table, REPETITIONS, noise, kind, generator) for _ in range(2))
+    truth = np.repeat(cases, REPETITIONS)
+    cases, shares = KnownRuns(lengths=known, cases=truth, neighbours=NEIGHBOURS).votes(fresh)
     return float(np.mean(cases[shares.argmax(axis=1)] == truth))
 
 

@@ -44,11 +44,7 @@ _OF_THE_SOLVER = ("resolution", "time_step_scale")  # What varies the solver and
 def found_experiments(
     folder: Path, wanted: Collection[str] = tuple(EXPERIMENTS)
 ) -> tuple[list[Path], tuple[str, ...]]:
-    """Return the files to compare, each physical problem once, and the names of others there.
-
-    Args:
-        folder: Somewhere above them.
-        wanted: Names of EXPERIMENTS.
+    """Return the files below a folder to compare, each problem once, and the names of others there.
 
     Raises:
         ExternalFileError: A file is no experiment.
@@ -122,11 +118,7 @@ def _identity(file: Path) -> tuple[str, str, bool]:
 
 
 def found_work(folder: Path, wanted: Collection[str] = NAMES) -> tuple[list[Work], tuple[str, ...]]:
-    """Return what to compute, and the names of what is there and is not computed.
-
-    Args:
-        folder: Somewhere above the files.
-        wanted: Names of NAMES.
+    """Return what to compute of what lies below a folder, and the names of what is not computed.
 
     Raises:
         ExternalFileError: The folder holds nothing of that, or a file is no experiment.

@@ -5,6 +5,7 @@ the very elements that the explicit integration uses.
 """
 
 import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,30 +15,73 @@ from cable_fem_node.dynamics.state import DivergenceError, FloatArray
 from winding_verification.rod.rod import Rod
 
 
-def equilibrium(
-    rod: Rod, *, increments: int = 10, tolerance: float = 1.0e-9, iterations: int = 100
-) -> None:
+def equilibrium(rod: Rod, *, increments: int = 10) -> None:
     """Move a rod to its equilibrium under its loads, end moments and gravity (no contact).
 
+    Raises:
+        DivergenceError: No equilibrium was found.
+    """
+    unknown = _unknowns(rod)
+    limit = 2.0 * float(rod._mesh.reference.min())
+
+    def take_step(residual: FloatArray) -> None:
+        step = np.linalg.solve(stiffness(rod)[0], residual)
+        _displace(rod, unknown, step * min(1.0, limit / float(np.abs(step).max())))
+        rod.internal_forces()
+
+    balance(
+        (rod.load, rod.gravity, rod._ends.moment),
+        lambda: _residual(rod)[unknown],
+        # Rounding of the axial springs leaves 1e-13 of EA whatever the loads are.
+        lambda: max(rod.force_scale(), 1.0e-3 * rod.section.young * rod.section.area),
+        take_step,
+        increments=increments,
+    )
+
+
+def balance(
+    loads: Sequence[FloatArray],
+    residual: Callable[[], FloatArray],
+    scale: Callable[[], float],
+    take_step: Callable[[FloatArray], None],
+    *,
+    increments: int,
+    tolerance: float = 1.0e-9,
+    iterations: int = 100,
+) -> None:
+    """Balance the forces of a model by Newton's method, its loads raised in equal steps from zero.
+
     Args:
-        rod: Changed in place.
-        increments: Steps in which loads are raised from zero.
-        tolerance: Relative: unbalanced force over the greatest force in the rod.
+        loads: Of the model, any shapes; they are whole again in the end.
+        residual: Returns the forces of the free unknowns that are not balanced, shape (n,).
+        scale: Returns the greatest force in the model.
+        take_step: Moves the model by Newton's step for a residual.
+        increments: Steps in which loads are raised.
+        tolerance: Relative: unbalanced force over the greatest one.
         iterations: Newton iterations per increment.
 
     Raises:
         DivergenceError: No equilibrium was found.
     """
-    loads, gravity = rod.load.copy(), rod.gravity.copy()
-    moments = rod._ends.moment.copy()
+    whole = [load.copy() for load in loads]
     try:
         for k in range(1, increments + 1):
-            share = k / increments
-            rod.load[:], rod.gravity[:] = share * loads, share * gravity
-            rod._ends.moment[:] = share * moments
-            _newton(rod, tolerance, iterations)
+            for load, full in zip(loads, whole, strict=True):
+                load[:] = k / increments * full
+            for _ in range(iterations):
+                forces = residual()
+                left = float(np.abs(forces).max()) / scale()
+                if left < tolerance:
+                    break
+                take_step(forces)
+            else:
+                raise DivergenceError(
+                    f"no equilibrium after {iterations} Newton iterations: {left:.2g} of the "
+                    "force is left"
+                )
     finally:
-        rod.load[:], rod.gravity[:], rod._ends.moment[:] = loads, gravity, moments
+        for load, full in zip(loads, whole, strict=True):
+            load[:] = full
 
 
 def stiffness(rod: Rod) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
@@ -54,8 +98,7 @@ def stiffness(rod: Rod) -> tuple[FloatArray, FloatArray, NDArray[np.intp]]:
         delta = 1.0e-6 * length if index < nodes3 else 1.0e-6
         _displace(rod, index, delta)
         ahead = _residual(rod)[unknown]
-        _displace(rod, index, -delta)
-        _displace(rod, index, -delta)
+        _displace(rod, index, -2.0 * delta)
         behind = _residual(rod)[unknown]
         _displace(rod, index, delta)
         matrix[:, column] = (behind - ahead) / (2.0 * delta)
@@ -81,26 +124,6 @@ def _symmetric(matrix: FloatArray) -> FloatArray:
     return np.asarray(0.5 * (matrix + matrix.T))
 
 
-def _newton(rod: Rod, tolerance: float, iterations: int) -> None:
-    unknown = _unknowns(rod)
-    left = math.inf
-    for _ in range(iterations):
-        residual = _residual(rod)[unknown]
-        # Rounding of the axial springs leaves 1e-13 of EA whatever the loads are.
-        scale = max(rod.force_scale(), 1.0e-3 * rod.section.young * rod.section.area)
-        left = float(np.abs(residual).max()) / scale
-        if left < tolerance:
-            return
-        matrix, _, _ = stiffness(rod)
-        step = np.linalg.solve(matrix, residual)
-        limit = 2.0 * float(rod._mesh.reference.min())
-        most = float(np.abs(step).max())
-        _shift(rod, unknown, np.asarray(step * min(1.0, limit / most)))
-    raise DivergenceError(
-        f"no equilibrium after {iterations} Newton iterations: {left:.2g} of the force is left"
-    )
-
-
 def _unknowns(rod: Rod) -> NDArray[np.intp]:
     free = rod._free.ravel() > 0.0
     if rod.framed:
@@ -108,23 +131,14 @@ def _unknowns(rod: Rod) -> NDArray[np.intp]:
     return np.flatnonzero(free)
 
 
-def _shift(rod: Rod, unknown: NDArray[np.intp], step: FloatArray) -> None:
-    whole = np.zeros(3 * rod.mass.size + rod.mass.size - 1)
-    whole[unknown] = step
+def _displace(rod: Rod, places: NDArray[np.intp], by: float | FloatArray) -> None:
+    """Displace unknowns, in [m] or [rad]."""
+    whole = np.zeros(4 * rod.mass.size - 1)
+    whole[places] = by
     nodes3 = 3 * rod.mass.size
     rod.points.position[:] += whole[:nodes3].reshape(3, -1)
     if rod.framed:
         rod.spin_angles[:] += whole[nodes3:]
-    rod.internal_forces()
-
-
-def _displace(rod: Rod, index: int, delta: float) -> None:
-    """Displace one unknown, in [m] or [rad]."""
-    nodes3 = 3 * rod.mass.size
-    if index < nodes3:
-        rod.points.position.reshape(-1)[index] += delta
-    else:
-        rod.spin_angles[index - nodes3] += delta
 
 
 def _residual(rod: Rod) -> FloatArray:

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from scipy.optimize import brentq
 
 from cable_fem_node.solid.solid_law import SolidLaw
 from winding_core.cable.material_law import MaterialLaw
@@ -52,12 +53,12 @@ def follower_pressure() -> Values:
     rule = MaterialLaw(law="hencky_cauchy")
     values: Values = {}
     for stress in (0.06939, 0.1388, 0.1561, 0.3122, 0.6245, 1.249):
-        low, high = 1.0, 3.0
-        for _ in range(60):
-            middle = 0.5 * (low + high)
-            true = float(rule.nominal_stress(middle) / rule.lateral_stretch(middle) ** 2)
-            low, high = (middle, high) if true < stress * MEGAPASCAL else (low, middle)
-        values[f"stretch_{stress:g}"] = low
+
+        def excess(stretch: float, stress: float = stress) -> float:
+            true = rule.nominal_stress(stretch) / rule.lateral_stretch(stretch) ** 2
+            return float(true) - stress * MEGAPASCAL
+
+        values[f"stretch_{stress:g}"] = brentq(excess, 1.0, 3.0)
     return values
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 from cable_fem_node.dynamics.state import FloatArray
 from winding_core.units import MILLIMETRE
@@ -59,12 +60,12 @@ def stretched_string() -> Values:
     return {"stretch": stretch, "span": length * stretch, "f1": f[0], "f2": f[1], "f3": f[2]}
 
 
-def elastica(density: float = 1337.0, alphas: tuple[float, ...] = (0.5, 2.0, 5.0)) -> Values:
-    """B07: cantilever, density [kg/m^3], with a dead transverse tip load alpha EI / L^2."""
-    section = RodSection(diameter=4.0e-3, density=density)
+def elastica() -> Values:
+    """B07: cantilever with a dead transverse tip load alpha EI / L^2."""
+    section = RodSection(diameter=4.0e-3)
     length = 0.1
     values: Values = {}
-    for alpha in alphas:
+    for alpha in (0.5, 2.0, 5.0):
         rod = Rod(line(length, 50), section)
         rod.clamp("start")
         load = alpha * section.bending / length**2
@@ -229,15 +230,8 @@ def _critical_load(hold: Callable[[Rod], None], start: float) -> float:
         equilibrium(rod, increments=1)
         return lowest_stiffness(rod)
 
-    low, high = 0.9 * start, 1.0 * start
-    values = stiffness_under(low), stiffness_under(high)
-    for _ in range(4):
-        change = values[1] * (high - low) / (values[1] - values[0])
-        low, high = high, high - change
-        if abs(change) < 1.0e-6 * start:
-            break
-        values = values[1], stiffness_under(high)
-    return high
+    found = root_scalar(stiffness_under, x0=0.9 * start, x1=start, xtol=1.0e-6 * start, maxiter=4)
+    return float(found.root)
 
 
 def free_flight() -> Values:

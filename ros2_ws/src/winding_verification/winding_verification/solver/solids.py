@@ -13,12 +13,11 @@ from cable_fem_node.solid.hex_kernels import hex_stiffness
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import BarMesh, block, round_bar, section_mesh
+from winding_verification.rod.statics import balance
 from winding_verification.solver.suite import Values, given, rotations, wave_record
 
 
-def solid_equilibrium(
-    solid: Solid, *, increments: int = 4, tolerance: float = 1.0e-8, iterations: int = 40
-) -> None:
+def solid_equilibrium(solid: Solid, *, increments: int = 4, tolerance: float = 1.0e-8) -> None:
     """Move a solid to its equilibrium under its loads and gravity (no contact).
 
     Driven axes of nodes stay where they are.
@@ -26,14 +25,24 @@ def solid_equilibrium(
     Raises:
         DivergenceError: No equilibrium was found.
     """
-    loads, gravity = solid.load.copy(), solid.gravity.copy()
-    try:
-        for k in range(1, increments + 1):
-            share = k / increments
-            solid.load[:], solid.gravity[:] = share * loads, share * gravity
-            _newton(solid, tolerance, iterations)
-    finally:
-        solid.load[:], solid.gravity[:] = loads, gravity
+    free = _free(solid)
+    size = float(np.cbrt(solid.volumes.min()))
+
+    def take_step(net: FloatArray) -> None:
+        step = splu(solid_stiffness(solid)[free][:, free]).solve(net)
+        # A node may not jump over an element; rigid swings of far nodes may.
+        step *= min(1.0, 20.0 * size / float(np.abs(step).max()))
+        _search(solid, free, step, float(np.linalg.norm(net)))
+
+    balance(
+        (solid.load, solid.gravity),
+        lambda: solid._net_forces().T.ravel()[free],
+        lambda: max(solid.force_scale(), 1.0e-30),
+        take_step,
+        increments=increments,
+        tolerance=tolerance,
+        iterations=40,
+    )
 
 
 def solid_stiffness(solid: Solid) -> csc_matrix:
@@ -67,25 +76,6 @@ def solid_frequencies(solid: Solid, count: int = 6) -> FloatArray:
 
 def _free(solid: Solid) -> NDArray[np.intp]:
     return np.flatnonzero(solid._free.T.ravel() > 0.0)
-
-
-def _newton(solid: Solid, tolerance: float, iterations: int) -> None:
-    free = _free(solid)
-    left = math.inf
-    size = float(np.cbrt(solid.volumes.min()))
-    for _ in range(iterations):
-        net = solid._net_forces().T.ravel()
-        left = float(np.abs(net[free]).max()) / max(solid.force_scale(), 1.0e-30)
-        if left < tolerance:
-            return
-        matrix = solid_stiffness(solid)[free][:, free]
-        step = splu(matrix).solve(net[free])
-        # A node may not jump over an element; rigid swings of far nodes may.
-        step *= min(1.0, 20.0 * size / float(np.abs(step).max()))
-        _search(solid, free, step, float(np.linalg.norm(net[free])))
-    raise DivergenceError(
-        f"no equilibrium after {iterations} Newton iterations: {left:.2g} of the force is left"
-    )
 
 
 def _search(solid: Solid, free: NDArray[np.intp], step: FloatArray, before: float) -> None:

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from cable_fem_node.dynamics.state import FloatArray
 
@@ -32,10 +33,8 @@ def given(problem: str, name: str) -> FloatArray:
 
 def rotation_about(axis: Sequence[float], angle: float) -> FloatArray:
     """Return the matrix (3, 3) that turns by an angle [rad] about an axis of any length."""
-    x, y, z = np.asarray(axis) / np.linalg.norm(axis)
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * cross @ cross
-    return np.asarray(turn)
+    turn = Rotation.from_rotvec(angle * np.asarray(axis) / np.linalg.norm(axis))
+    return np.asarray(turn.as_matrix())
 
 
 def rotations() -> Iterator[FloatArray]:

@@ -30,18 +30,7 @@ _COUNT = 2.0 * math.pi / 8192
 
 def pinhole(camera: CameraConfig, focal: float = 1.0) -> PinholeCamera:
     """Return the tracker's camera of the rig's, its focal length times a factor."""
-    info = camera.calibration()
-    k = np.array(info.k, dtype=float).reshape(3, 3)
-    k[[0, 1], [0, 1]] *= focal
-    return PinholeCamera(
-        width=info.width,
-        height=info.height,
-        k=k,
-        d=info.d,
-        roi=info.roi,
-        binning=info.binning,
-        distortion_model=info.distortion_model,
-    )
+    return PinholeCamera(**vars(replace(camera, focal=focal * camera.focal).calibration()))
 
 
 @dataclass(frozen=True, kw_only=True)
