@@ -226,8 +226,7 @@ class BandSearch:
     @property
     def first(self) -> MovingBand | None:
         """P0, once it is known which of the bands it is."""
-        near = (band for band in self.proven if abs(band.z) <= SEARCH_REACH)
-        lowest = min(near, key=lambda band: band.z, default=None)
+        lowest = min(self.proven, key=lambda band: band.z, default=None)
         if lowest is None or abs(self._angle - self._begun) > math.tau:
             return lowest
         # One that is not proven yet may be P0 as well.

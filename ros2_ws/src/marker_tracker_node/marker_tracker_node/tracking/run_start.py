@@ -58,10 +58,10 @@ class RunStart:
         self.zero = CameraZero(config, camera)
         self.done = self.posed = False
         self._config, self._camera = config, camera
-        self._search = BandSearch(config, 2.0 * ALONG)
+        self._search, self._all = BandSearch(config), BandSearch(config, 2.0 * ALONG)
         self._doubts = PictureDoubts(config)
         self._misplaced = MisplacedCamera(config)
-        self._begun = self._looked = math.nan
+        self._begun = self._looked = self._scanned = math.nan
         self._judged = self._set = 0.0
         self.certain = colour is not None
         self._identified: Identified | None = None
@@ -96,8 +96,6 @@ class RunStart:
             self._sample(frame, setup, 0.0 if math.isnan(at) else at)
         if math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
             self._looked = angle
-            if not self.proven or self._ambiguous:
-                self._search.add(frame, setup, angle)
             void = self._ambiguous and self._identify(frame, setup, angle, guide, state)
             void |= not self.proven and self._look(frame, setup, angle, guide)
             void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle, guide)
@@ -165,6 +163,7 @@ class RunStart:
             self.refusal = sentence
 
     def _look(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+        self._search.add(frame, setup, angle)
         found = self._search.first
         if found is not None:
             self._followed = self.proven = True
@@ -191,7 +190,12 @@ class RunStart:
 
         Return whether what was taken for P0 so far, or for markers, is something else.
         """
-        bands, way = self._search.proven, abs(angle - self._begun)
+        # As often as `MisplacedCamera` looks.
+        if abs(angle - self._scanned) < 0.5 * PROOF_ADVANCE:
+            return False
+        self._scanned = angle
+        self._all.add(frame, setup, angle)
+        bands, way = self._all.proven, abs(angle - self._begun)
         if way < max(math.tau + setup.usable_azimuth, 1.1 * self._judged):
             return False
         self._judged = way
