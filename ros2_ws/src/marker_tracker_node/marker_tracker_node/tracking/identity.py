@@ -37,8 +37,8 @@ class Identified:
     """Which markers bands are.
 
     Attributes:
-        numbers: Of the markers, P0 first, shape (k,), with their wound angles [rad] and z from P0
-            [m], shape (k,).
+        numbers: Of the markers, P0 first, -1 where it is ambiguous, shape (k,), with their wound
+            angles [rad] and z from P0 [m], shape (k,).
     """
 
     bands: tuple[MovingBand, ...]
@@ -88,7 +88,9 @@ def identified(
     """
     newest = max((band.last for band in bands), default=0.0)
     # One that comes round at another offset, as the encoder's scale is wrong, is the same band.
-    bands = [band for band in bands if newest - band.last < math.tau - BAND_REACH]
+    bands = [
+        _seen_since(band, bands) for band in bands if newest - band.last < math.tau - BAND_REACH
+    ]
     found = []
     for band in bands:
         origin = origins(band)
@@ -101,6 +103,18 @@ def identified(
     found.sort(key=lambda one: one.cost)
     alone = len(found) == 1 or (len(found) > 1 and found[1].cost - found[0].cost > AS_WELL)
     return found[0] if alone else None
+
+
+def _seen_since(band: MovingBand, bands: list[MovingBand]) -> MovingBand:
+    """Return a band as first seen where it is one of the bands, which came round elsewhere."""
+    earlier = [
+        other.first
+        for other in bands
+        if other.last < band.first
+        and abs(other.z - band.z) < SAME_HEIGHT
+        and abs(math.remainder(other.offset - band.offset, math.tau)) < BAND_REACH
+    ]
+    return replace(band, first=min(earlier)) if earlier else band
 
 
 def _explained(
@@ -158,11 +172,14 @@ def _explained(
     passed = np.where(clear, numbers, 0).max(axis=-1) - clear.sum(axis=-1)
     total = total + own.sum(axis=-1) + SURE**2 * passed
     at = np.unravel_index(int(total.argmin()), total.shape)
+    # Other numbers of the same bands may explain them as well: then P0 alone is known.
+    other = total[(numbers != numbers[at]).any(axis=-1)]
+    sure = other.min(initial=math.inf) - total[at] > AS_WELL
     clear = clear[at]
     places = theta[np.arange(len(others)), best[at]]
     return Identified(
         bands=(first, *(band for band, one in zip(others, clear, strict=True) if one)),
-        numbers=np.append(0, numbers[at][clear]),
+        numbers=np.append(0, np.where(sure, numbers[at][clear], -1)),
         theta=np.append(0.0, places[clear]),
         z=np.append(0.0, z[clear, 0]),
         offset=float(offsets[at[0]]),

@@ -241,12 +241,16 @@ class RunStart:
         marks.height[0] = self.height
         if found is None or not self.certain or self.colour is None:
             return
-        numbers, run = found.numbers, state.run
+        sure, run = found.numbers >= 0, state.run
+        numbers = found.numbers[sure]
         run.guide.offset, run.guide.since = found.offset, self._looked - self.origin
         marks.found[numbers] = self._looked - self.origin
         run.shift = math.remainder(found.first.offset + self.origin, math.tau)
         marks.known[numbers], marks.area[numbers] = True, 1.0
-        marks.theta[numbers], marks.height[numbers] = found.theta, found.first.z + found.z
+        marks.theta[numbers], marks.height[numbers] = (
+            found.theta[sure],
+            found.first.z + found.z[sure],
+        )
         for name in ("recent", "reference"):
             getattr(marks, name)[numbers] = marks.theta[numbers]
         # What they are measured to counts from the first frame on.
