@@ -224,8 +224,8 @@ def _of_spacing(setup: Setup, state: TrackerState) -> Contradiction | None:
             + ", and not evenly: was one missed?"
             * uneven
         ),
-        # No modulus is set more wrongly.
-        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE and not uneven,
+        # No modulus is set more wrongly; but a gap that is alone may be that of two markers.
+        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE and not uneven and gaps.size > 1,
     )
 
 
