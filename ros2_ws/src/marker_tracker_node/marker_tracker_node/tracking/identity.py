@@ -101,8 +101,9 @@ def identified(
         by_feed = replace(by_feed, offset=0.0, cost=by_feed.cost + SURE**2)
         found.append(min(by_guide, by_feed, key=lambda one: one.cost))
     found.sort(key=lambda one: one.cost)
-    alone = len(found) == 1 or (len(found) > 1 and found[1].cost - found[0].cost > AS_WELL)
-    return found[0] if alone else None
+    # A band that is alone is P0 where that lies as it should.
+    rival = found[1].cost - AS_WELL if len(found) > 1 else SURE**2
+    return found[0] if found and found[0].cost < rival else None
 
 
 def _seen_since(band: MovingBand, bands: list[MovingBand]) -> MovingBand:

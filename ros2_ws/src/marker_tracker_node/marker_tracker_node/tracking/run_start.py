@@ -190,8 +190,8 @@ class RunStart:
 
         Return whether what was taken for P0 so far, or for markers, is something else.
         """
-        # As often as `MisplacedCamera` looks.
-        if abs(angle - self._scanned) < 0.5 * PROOF_ADVANCE:
+        # The live window shows bands for 0.46 rad at least: the rate of frames leaves enough looks.
+        if abs(angle - self._scanned) < 0.25 * PROOF_ADVANCE:
             return False
         self._scanned = angle
         self._all.add(frame, setup, angle)
