@@ -143,7 +143,10 @@ def capstan(folder: Path, overhang: float = 0.8, friction: float = 0.3) -> Path:
         growth, own = np.exp(m * phi), weight * wrap / (1.0 + m**2)
         return growth * weight * short + own * (grown(phi) - growth * grown(0.0 * phi))
 
-    m = brentq(lambda m: tension(m)[-1] - weight * long, -friction, friction)
+    # One that slides begins with all of its friction.
+    m = friction
+    if overhang < 1.0:
+        m = brentq(lambda m: tension(m)[-1] - weight * long, -friction, friction)
     # Sagging sides below, the wrap on the cylinder, all as they hang stretched.
     light, heavy = np.linspace(0.0, short, 120), np.linspace(0.0, long, 400)
     stretch = weight / (young * area)

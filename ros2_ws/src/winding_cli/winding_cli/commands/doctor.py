@@ -138,14 +138,9 @@ NAMESPACE = "winding"
 
 _COLOURS = {"OK": "green", "WARN": "yellow", "FAIL": "bold red"}
 
-
-def _level(finding: Finding) -> str:
-    return f"[{_COLOURS[finding.level]}]{finding.level}[/]"
-
-
 _COLUMNS = (
     Shown("check", lambda finding: escape(finding.check)),
-    Shown("", _level),
+    Shown("", lambda finding: f"[{_COLOURS[finding.level]}]{finding.level}[/]"),
     Shown("found", lambda finding: escape(finding.found)),
     Shown("what to do", lambda finding: escape(finding.advice)),
 )

@@ -37,9 +37,9 @@ def fixed(value: float | None, digits: int, unit: float = 1.0, *, sign: str = ""
     """Return a number in a unit with so many decimals, or a dash where there is none.
 
     Args:
-        value: None or nan for none.
+        value: In any unit; None or nan for none.
         digits: Decimals.
-        unit: One shown unit in that of the value.
+        unit: The shown unit in that of the value.
         sign: `+` where a positive number has its sign, too.
     """
     if value is None or not math.isfinite(value):

@@ -116,7 +116,7 @@ def write_beside(
     dy: float = 0.0,
     **style: Any,
 ) -> None:
-    """Write a text so many points to the right of a place and above it."""
+    """Write a text to the right of a place of the axes and above it, by dx and dy [points]."""
     axes.annotate(text, at, xytext=(dx, dy), textcoords="offset points", **style)
 
 

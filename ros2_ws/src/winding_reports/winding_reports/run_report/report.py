@@ -60,7 +60,7 @@ def render_report(record: RunRecord) -> str:
     ]
     return render_page(
         _TEMPLATE,
-        title=_title(record),
+        title=f"Case {record.case.number}" if record.case.number else "Own condition",
         verdict=_verdict(record.outcome),
         contents=contents,
         identity=identity,
@@ -83,10 +83,6 @@ def render_report(record: RunRecord) -> str:
         facts=record.facts,
         notes=record.notes,
     )
-
-
-def _title(record: RunRecord) -> str:
-    return f"Case {record.case.number}" if record.case.number else "Own condition"
 
 
 def _conditions(record: RunRecord) -> dict[str, str]:

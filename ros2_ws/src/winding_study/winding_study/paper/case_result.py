@@ -25,10 +25,6 @@ Array = NDArray[np.float64]
 MOST_NODES = 600  # Enough for a smooth line; a rod has several hundred nodes at the end of a run
 
 
-def _no_nodes() -> Array:
-    return np.empty((0, 3))
-
-
 @dataclass(frozen=True, kw_only=True)
 class CaseResult:
     """One case wound to its end."""
@@ -40,7 +36,7 @@ class CaseResult:
     energy_balance_pct: float  # What the energy ledger cannot explain
     cpu_seconds: float  # Processor time of the run [s]
     # Centreline at the end, P0 first, in the frame of the laboratory [m], shape (n, 3).
-    nodes: Array = field(default_factory=_no_nodes, compare=False, repr=False)
+    nodes: Array = field(default_factory=lambda: np.empty((0, 3)), compare=False, repr=False)
     # Nominal strain of the centreline there, shape (n,).
     strain: Array = field(default_factory=lambda: np.empty(0), compare=False, repr=False)
 

@@ -237,8 +237,8 @@ def models_picture(record: StudyRecord) -> Picture:
         paper = record.paper_updated_pct()
         axes.axvline(paper, color=PAPER_CORRECTED, linewidth=1.4, linestyle=(0, (5, 3)))
         label, top = f"paper's network, in-sample: {paper:.2f} %", ("data", "axes fraction")
-        style = {"xycoords": top, "ha": "left", "fontsize": 8.0, "color": INK}
-        write_beside(axes, label, (paper, 1.0), dy=3, **style)
+        at = paper, 1.0
+        write_beside(axes, label, at, dy=3, xycoords=top, ha="left", fontsize=8.0, color=INK)
         axes.set_yticks(range(len(models)), [name for name, _ in models])
         axes.invert_yaxis()
         axes.set_xlim(0.0, 1.12 * longest)

@@ -25,7 +25,7 @@ def equilibrium(rod: Rod, *, increments: int = 10) -> None:
     limit = 2.0 * float(rod._mesh.reference.min())
 
     def take_step(residual: FloatArray) -> None:
-        step = np.linalg.solve(stiffness(rod)[0], residual)
+        step = np.asarray(np.linalg.solve(stiffness(rod)[0], residual), dtype=float)
         _displace(rod, unknown, step * min(1.0, limit / float(np.abs(step).max())))
         rod.internal_forces()
 
