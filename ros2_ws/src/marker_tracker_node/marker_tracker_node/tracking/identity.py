@@ -37,14 +37,13 @@ class Identified:
     """Which markers bands are.
 
     Attributes:
-        numbers: Of the markers, P0 first, -1 where it is ambiguous, shape (k,), with their wound
-            angles [rad] and z from P0 [m], shape (k,).
+        numbers: Of the markers, P0 first, -1 where it is ambiguous, shape (k,).
     """
 
-    bands: tuple[MovingBand, ...]
+    bands: tuple[MovingBand, ...]  # Of the markers, shape (k,)
     numbers: IndexArray
-    theta: FloatArray
-    z: FloatArray
+    theta: FloatArray  # Their wound angles from P0 [rad], shape (k,)
+    z: FloatArray  # Their z from P0 [m], shape (k,)
     offset: float  # Of the guide, see `Guide` [m]
     cost: float  # Twice the negative logarithm of the likelihood
 
