@@ -239,6 +239,8 @@ def run(seed: int, number: str, size: float) -> tuple[World, Outcome]:
         (6002, "camera_roll", 0.01),
         # P1 of a thick cable is held off by its first turn to where twice the feed would have it.
         (7212, "guide_scale", 1.0),
+        # P1 lies before P0 and comes first, one gap or one lap from where each is expected.
+        (7305, "guide_offset", -0.02),
     ],
 )
 def test_what_is_reported_healthy_is_not_far_off(seed: int, number: str, size: float) -> None:

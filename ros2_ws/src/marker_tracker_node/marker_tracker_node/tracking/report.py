@@ -22,6 +22,7 @@ from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, Seen
 from marker_tracker_node.tracking.estimator.verdict import AS_WELL, LEAST_ALONE, LEFT_ALONE
 from marker_tracker_node.tracking.frame.laid_path import (
     FARTHEST,
+    GAP_SIGMA,
     LAY_SIGMA,
     MOST_SCALE,
     USUAL_SCALE,
@@ -42,9 +43,6 @@ _TURNING = frozenset({"encoder_scale", "frame_times"})
 # While nothing is wrong markers are found in more frames than this share of those that have them in
 # sight, and a picture keeps as much of the beginning's grey levels.
 _USUAL = 0.8
-# Doubt of gaps by tape measure and stretch, relative: where the cylinder takes up 0.7 of the pull,
-# markers of the study's softest cables lie a tenth nearer than its modulus gives.
-_GAP_SIGMA = 0.08
 
 
 class FrameFault(Enum):
@@ -214,8 +212,8 @@ def _of_spacing(setup: Setup, state: TrackerState) -> Contradiction | None:
         )
     gaps = np.diff(marks.theta[known]) / (np.diff(known) * setup.expected_gap)
     ratio = float(np.median(gaps)) if gaps.size else 1.0
-    uneven = float(np.abs(np.log(gaps / ratio)).max(initial=0.0)) > SURE * _GAP_SIGMA
-    if abs(math.log(ratio)) < SURE * _GAP_SIGMA and not uneven:
+    uneven = float(np.abs(np.log(gaps / ratio)).max(initial=0.0)) > SURE * GAP_SIGMA
+    if abs(math.log(ratio)) < SURE * GAP_SIGMA and not uneven:
         return None
     return Contradiction(
         number="marker_spacing",
@@ -226,8 +224,8 @@ def _of_spacing(setup: Setup, state: TrackerState) -> Contradiction | None:
             + ", and not evenly: was one missed?"
             * uneven
         ),
-        # No modulus is set more wrongly.
-        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE and not uneven,
+        # No modulus is set more wrongly; but a gap that is alone may be that of two markers.
+        doubted=1.0 / USUAL_SCALE <= ratio <= USUAL_SCALE and not uneven and gaps.size > 1,
     )
 
 

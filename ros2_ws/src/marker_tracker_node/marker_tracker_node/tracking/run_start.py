@@ -3,53 +3,33 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
-from marker_tracker_node.arrays import ByteArray, FloatArray
-from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera, plane_of_pixel
-from marker_tracker_node.detection.band import Band, solve_band
+from marker_tracker_node.arrays import ByteArray
+from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
-from marker_tracker_node.detection.colour_band import WHOLE_AREA
+from marker_tracker_node.tracking.camera_zero import LOOK_STEP, CameraZero
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE, fitted
-from marker_tracker_node.tracking.estimator.numbers import NUMBERS, ROLL, TILT, ZERO
-from marker_tracker_node.tracking.estimator.problem import Problem, Seen
-from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
 from marker_tracker_node.tracking.frame.acquisition import P0_REACH
-from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE
-from marker_tracker_node.tracking.machine_motion import STILL
+from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA, PROOF_ADVANCE
+from marker_tracker_node.tracking.identity import Identified, Paths, identified
 from marker_tracker_node.tracking.p0_search import (
+    SAME_ANGLE,
+    SEARCH_REACH,
     BandSearch,
     MovingBand,
-    locate_marker,
     sample_colour,
 )
 from marker_tracker_node.tracking.start_doubts import (
+    ALONG,
     MisplacedCamera,
     PictureDoubts,
     beside_its_place,
     colourless,
 )
-from marker_tracker_node.tracking.state import Burst, Setup
+from marker_tracker_node.tracking.state import Burst, Setup, TrackerState
 from winding_core.units import MILLIMETRE
-
-# Frames at rest: their scatter is a quarter of one frame's then.
-REST_FRAMES = 16
-# More than a level along an edge leaves is no tilt of a mount that was set with one, but a camera
-# that was moved or an encoder that is not zeroed [rad].
-MOST_TURN = SIGNIFICANT * NUMBERS[ROLL].doubt
-# Poses that differ by less in a picture are the same [px], and what was measured with either stays.
-SAME_PICTURE = 0.5
-# A pass is seen at an even speed; so many are looked at.
-PASS_EVENNESS, MOST_PASSES = 0.1, 3
-# It counts if it shows the turn so well, and replaces frames at rest that it contradicts [rad].
-PASS_SIGMA, CONTRADICTION = 1.0e-3, 1.5e-3
-_TILTS = range(TILT, ROLL)
-# P0 is sought, and its pass seen, in frames so far apart [rad].
-LOOK_STEP = 0.1 * PROOF_ADVANCE
 
 
 class RunStart:
@@ -64,6 +44,7 @@ class RunStart:
         done: Whether there is nothing left to find out.
         posed: Whether the camera's pose is corrected by more than P0.
         proven: Whether P0 moved with the cylinder, or is sought no longer.
+        certain: Whether no other marker can be what is taken for P0.
     """
 
     def __init__(
@@ -76,31 +57,47 @@ class RunStart:
         self._remark = ""
         self.zero = CameraZero(config, camera)
         self.done = self.posed = False
-        self._config = config
-        self._search = BandSearch(config)
+        self._config, self._camera = config, camera
+        self._search, self._all = BandSearch(config), BandSearch(config, 2.0 * ALONG)
         self._doubts = PictureDoubts(config)
         self._misplaced = MisplacedCamera(config)
-        self._begun = self._looked = math.nan
+        self._begun = self._looked = self._scanned = math.nan
+        self._judged = self._set = 0.0
+        self.certain = colour is not None
+        self._identified: Identified | None = None
         self._followed = self.proven = colour is not None
         self._settled = False
         self._palette: tuple[ColourModel | None, Palette] | None = None
 
-    def take(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+    def take(
+        self,
+        frame: ByteArray,
+        setup: Setup,
+        angle: float,
+        guide: float,
+        state: TrackerState,
+        paths: Paths,
+    ) -> bool:
         """Take a frame; return whether what was known of the markers before is void.
 
-        The encoder's reading [rad] and the guide's position [m] are nan where they are missing.
+        The encoder's reading [rad] and the guide's position [m] are nan where they are missing;
+        the state is that of the run so far.
         """
-        void = False
+        void, self._paths = False, paths
         if math.isnan(self._begun) and math.isfinite(angle):
             self._begun = angle
             if self._config.start_angle is not None:
                 self.origin = angle - self._config.start_angle
+            self._set = self.origin
+            # Then P0 is what lands first, and has its colour.
+            self.certain &= abs(angle - self.origin) <= P0_REACH
         at = angle - self.origin
         if self.colour is None:
             self._sample(frame, setup, 0.0 if math.isnan(at) else at)
         if math.isfinite(angle) and not abs(angle - self._looked) < LOOK_STEP:
             self._looked = angle
-            void = not self.proven and self._look(frame, setup, angle, guide)
+            void = self._ambiguous and self._identify(frame, setup, angle, guide, state)
+            void |= not self.proven and self._look(frame, setup, angle, guide)
             void |= not self._misplaced.done and self._find_elsewhere(frame, setup, angle, guide)
         if self.colour is not None and not self.posed:
             void |= self.zero.take(frame, self.colour, setup, angle - self.origin)
@@ -114,7 +111,7 @@ class RunStart:
         self._followed |= seen and turned > 2.0 * PROOF_ADVANCE
         changed = not self.posed and self.zero.saw(t, out)
         posed = self.posed or self.zero.done
-        self.done = self.proven and posed and self._misplaced.done
+        self.done = self.proven and not self._ambiguous and posed and self._misplaced.done
         return changed
 
     def overdue(self, angle: float) -> bool:
@@ -137,7 +134,9 @@ class RunStart:
     @property
     def sentences(self) -> tuple[str, ...]:
         """What was found out against expectation."""
-        return tuple(filter(None, (self._remark, self.zero.remark)))
+        waits = self.proven and not self.certain and self._judged > 2.0 * math.tau
+        doubt = waits * "which of the bands is P0 is ambiguous: more than one explains all of them"
+        return tuple(filter(None, (self._remark, self.zero.remark, doubt)))
 
     def _sample(self, frame: ByteArray, setup: Setup, angle: float) -> None:
         """Learn the colour from P0 where the encoder places it."""
@@ -156,7 +155,7 @@ class RunStart:
             self._refuse(why or str(refusal))
             self._settled |= why.startswith("the picture has no colour")
         else:
-            self.refusal = ""
+            self.refusal, self.certain = "", True
 
     def _refuse(self, sentence: str) -> None:
         """Keep the first reason, of which later ones are but consequences."""
@@ -178,7 +177,90 @@ class RunStart:
         self.proven = self.colour is not None and far
         return False
 
+    @property
+    def _ambiguous(self) -> bool:
+        """Whether P0 may be another band yet; once all have landed no news comes."""
+        last = math.tau + (self._config.marker_count + 1) * self._config.expected_gap
+        return not self.certain and not abs(self._looked - self._begun) > last
+
+    def _identify(
+        self, frame: ByteArray, setup: Setup, angle: float, guide: float, state: TrackerState
+    ) -> bool:
+        """Find out which of the bands is P0 where the run did not begin with it.
+
+        Return whether what was taken for P0 so far, or for markers, is something else.
+        """
+        # The live window shows bands for 0.46 rad at least: the rate of frames leaves enough looks.
+        if abs(angle - self._scanned) < 0.25 * PROOF_ADVANCE:
+            return False
+        self._scanned = angle
+        self._all.add(frame, setup, angle)
+        bands, way = self._all.proven, abs(angle - self._begun)
+        if way < max(math.tau + setup.usable_azimuth, 1.1 * self._judged):
+            return False
+        self._judged = way
+        if not bands:
+            # Of a colour that was configured none of that hue may be seen.
+            self.certain = self._followed and way > 2.0 * math.tau
+            return False
+        found = identified(
+            bands,
+            self._config,
+            self._paths,
+            lambda band: self._origin_of(band, angle, guide),
+            (self._begun, self._set),
+            abs(setup.camera.x),
+        )
+        if found is None:
+            return False
+        if self.proven and found.agrees(state.shift - self.origin, state.marks):
+            self.certain = self._misplaced.done = True
+            return False
+        self._identified, self.zero = found, CameraZero(self._config, self._camera)
+        self.origin, self._remark = self._set, ""
+        self._followed = self.proven = True
+        self._found(found.first, frame, setup, angle, guide)
+        self.certain = self.proven and self.colour is not None
+        self._misplaced.done |= self.certain
+        return True
+
+    def _origin_of(self, band: MovingBand, angle: float, guide: float) -> float:
+        """Return what the encoder reads where a band has landed if that is P0 [rad]."""
+        off = math.remainder(band.offset + self._set, math.tau)
+        if abs(off) < P0_REACH:
+            return self._set - off
+        # The guide gives the whole turns: an encoder that is not zeroed does not count them.
+        place, advance, turns = angle + band.offset, self._config.advance_per_radian, 0
+        if math.isfinite(guide) and advance > 0.0:
+            turns = max(round((guide / advance - place) / math.tau), math.ceil(-place / math.tau))
+        return -band.offset - math.tau * turns
+
+    def begin(self, state: TrackerState) -> None:
+        """Take P0, and the markers that were found with it, as known in a fresh state."""
+        found, marks = self._identified, state.marks
+        marks.height[0] = self.height
+        if found is None or not self.certain or self.colour is None:
+            return
+        sure, run = found.numbers >= 0, state.run
+        numbers = found.numbers[sure]
+        run.guide.offset, run.guide.since = found.offset, self._looked - self.origin
+        marks.found[numbers] = self._looked - self.origin
+        run.shift = math.remainder(found.first.offset + self.origin, math.tau)
+        marks.known[numbers], marks.area[numbers] = True, 1.0
+        marks.theta[numbers], marks.height[numbers] = (
+            found.theta[sure],
+            found.first.z + found.z[sure],
+        )
+        for name in ("recent", "reference"):
+            getattr(marks, name)[numbers] = marks.theta[numbers]
+        # What they are measured to counts from the first frame on.
+        marks.doubt_theta[numbers[1:]] = SAME_ANGLE**2
+        marks.doubt_height[numbers[1:]] = LAY_SIGMA**2
+
     def _find_elsewhere(self, frame: ByteArray, setup: Setup, angle: float, guide: float) -> bool:
+        if self._followed and not self.certain:
+            self._misplaced.done = not self._ambiguous
+            return False
         followed = -self.origin if self._followed else math.nan
         doubt = self._misplaced.add(
             frame, setup, angle, guide, followed=followed, colour=self.colour
@@ -189,7 +271,7 @@ class RunStart:
 
     def _withdraw(self, doubt: str) -> bool:
         """Follow nothing any more, and look for nothing."""
-        self._settled = self.proven = self._misplaced.done = True
+        self._settled = self.proven = self.certain = self._misplaced.done = True
         self.colour, self.refusal = None, doubt
         return True
 
@@ -197,6 +279,8 @@ class RunStart:
         self, band: MovingBand, frame: ByteArray, setup: Setup, angle: float, guide: float
     ) -> bool:
         """Take P0 for what it is; return whether markers were counted from elsewhere."""
+        if abs(band.z) > SEARCH_REACH:
+            return self._withdraw(beside_its_place(band.z, setup))
         off = math.remainder(band.offset + self.origin, math.tau)
         height, explains = 0.0, 0.0
         if P0_REACH <= abs(off) <= 0.5 * math.pi:
@@ -227,163 +311,10 @@ class RunStart:
                 return False
             self.refusal = ""
         self.height = band.z
-        # The acquisition of markers finds P0 itself there.
         if abs(off) < P0_REACH:
             return False
-        place = angle + band.offset
-        # The guide gives the whole turns: an encoder that is not zeroed does not count them.
-        advance = self._config.advance_per_radian
-        turns = 0
-        if math.isfinite(guide) and advance > 0.0:
-            turns = max(round((guide / advance - place) / math.tau), math.ceil(-place / math.tau))
-        self.origin = -band.offset - math.tau * turns
+        self.origin = self._origin_of(band, angle, guide)
         self._remark = f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"
         if height:
             self._remark += f", unless {wrong}: set start_angle, or camera_tilt and camera_position"
-        return True
-
-
-class CameraZero:
-    """Collects where P0's band appears while its place is known.
-
-    Attributes:
-        pose: Of the camera, turned by what was found.
-        done: Whether nothing will change it any more.
-        remark: What was found and not applied; empty if nothing.
-    """
-
-    def __init__(self, config: TrackerConfig, camera: PinholeCamera) -> None:
-        """Start with the nominal pose."""
-        self.pose = config.pose
-        self.done = False
-        self.remark = ""
-        self._config = config
-        self._camera = camera
-        self._rest: list[list[float]] = []
-        self._passed: list[list[float]] = []
-        self._stand = self._looked = math.nan
-        self._moved = False
-        self._passes = 0
-        self._pass_known = False
-
-    @property
-    def found(self) -> bool:
-        """Whether P0 has shown the turn, and it was applied where it is large enough."""
-        return not self.remark and (bool(self._rest) or self._pass_known)
-
-    def take(self, frame: ByteArray, colour: ColourModel, setup: Setup, angle: float) -> bool:
-        """Take a frame before it is measured; return whether the pose has changed.
-
-        An uncorrected milliradian would shift every wound angle by 20 on a small cylinder. The
-        angle is that of the cylinder where P0 lands at zero [rad], nan where it is missing.
-        """
-        if math.isnan(angle) or not self._rests(angle) or len(self._rest) >= REST_FRAMES:
-            return False
-        place = math.remainder(angle, math.tau)
-        if abs(place) > P0_REACH:
-            return False
-        try:
-            pixel = locate_marker(frame, colour, setup, place, WHOLE_AREA)
-        except ColourRefusedError:
-            return False
-        view, body = self._camera.view(self._config.pose), self._config.body
-        band = Band(azimuth=place, z=0.0, slope=0.0)
-        azimuth, z = solve_band(view, body, *plane_of_pixel(view, *pixel), band)
-        if not math.isfinite(azimuth):
-            return False
-        self._rest.append([place, azimuth, z, band.slope, band.low, band.high])
-        # Its place is known: two numbers of P0 determine both turns.
-        return self._turn(self._explained(np.array(self._rest), self._config.pose, _TILTS)[0])
-
-    def saw(self, t: float, out: Burst) -> bool:
-        """Take what a frame of time t [s] yielded; return whether the pose has changed."""
-        angle = float(out.angle[0])
-        if self._rests(angle) or math.isnan(angle):
-            return False
-        p0 = out.rows[0, 0]
-        seen = math.isfinite(p0["azimuth"])
-        if seen and not abs(angle - self._looked) < LOOK_STEP:
-            self._looked = angle
-            names = ("azimuth", "seen_height", "slope", "low", "high")
-            self._passed.append([t, angle, *(float(p0[name]) for name in names)])
-        # Then it has passed.
-        if not self._passed or abs(angle - self._passed[-1][1]) < P0_REACH:
-            return False
-        return self._judge(np.array(self._passed))
-
-    def _rests(self, angle: float) -> bool:
-        """Return whether the cylinder stands where it stood, at zero or in two frames."""
-        if math.isnan(self._stand):
-            self._stand = angle
-            return abs(angle) < STILL
-        self._moved |= abs(angle - self._stand) >= STILL
-        return not self._moved
-
-    def _judge(self, rows: FloatArray) -> bool:
-        """Turn the camera by a pass that has ended, if it constrains the turn; return whether.
-
-        A turn shifts the picture as a whole, a wrong zero of the encoder shifts it less the further
-        P0 has come round: a pass tells them apart as far as it reaches to the side.
-        """
-        self._passed.clear()
-        self._passes += 1
-        self.done = self._passes >= MOST_PASSES
-        if len(rows) < LEAST_ROWS:
-            return False
-        speed = np.gradient(rows[:, 1], rows[:, 0])
-        if np.ptp(speed) > PASS_EVENNESS * abs(speed).mean():
-            # A camera whose clock is off sees P0 elsewhere at every speed.
-            return False
-        turn, sigma = self._explained(rows[:, 1:], self.pose, (*_TILTS, ZERO))
-        known = sigma <= PASS_SIGMA
-        self.done |= bool(known.all())
-        self._pass_known |= bool(known.all())
-        before = np.subtract(self.pose.tilt[:2], self._config.pose.tilt[:2])
-        least = np.maximum(CONTRADICTION, SURE * sigma) if self._rest else sigma
-        new = known & (np.abs(turn - before) > least)
-        return bool(new.any()) and self._turn(np.where(known, turn, before))
-
-    def _explained(
-        self, rows: FloatArray, used: CameraPose, doubted: Iterable[int]
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the turn of the nominal pose that explains P0 [rad], and its deviation, (2,) each.
-
-        Rows are the angle of the cylinder [rad], and azimuth, z, slope, low and high of P0's band
-        (see `Band`) as measured with a pose, shape (k, 6); the doubted numbers are not taken as
-        configured.
-        """
-        count, angle = len(rows), rows[:, :1]
-        problem = Problem(
-            Seen(
-                # The cylinder's angle serves as time.
-                rows=np.hstack([np.zeros((count, 2)), angle, rows, np.full((count, 2), math.inf)]),
-                motion=np.repeat([angle.min(axis=0), angle.max(axis=0) + 1.0], 2, axis=1),
-                area=math.nan,
-                zeroed=False,
-                camera=self._camera,
-                used=used,
-                nominal=self._config.pose,
-                body=self._config.body,
-            )
-        )
-        prior = problem.doubting({number: NUMBERS[number].most for number in doubted})
-        fit = fitted(problem, prior, problem.start)
-        return -fit.x[_TILTS], np.sqrt(np.diag(fit.covariance)[_TILTS])
-
-    def _turn(self, turn: FloatArray) -> bool:
-        """Turn the nominal pose, unless that is too far; return whether the pose has changed."""
-        size = float(np.hypot(*turn))
-        if size > MOST_TURN:
-            self.remark = (
-                f"P0 stands where the camera would be turned by {1e3 * size:.1f} mrad, limit "
-                f"{1e3 * MOST_TURN:.1f} mrad, which is not applied: set camera_tilt, "
-                "camera_position or start_angle"
-            )
-            return False
-        x, y, z = self._config.pose.tilt
-        pose = replace(self._config.pose, tilt=(x + float(turn[0]), y + float(turn[1]), z))
-        focal = math.sqrt(self._camera.k[0, 0] * self._camera.k[1, 1]) / self._camera.binning
-        if np.linalg.norm(np.subtract(pose.tilt, self.pose.tilt)) * focal < SAME_PICTURE:
-            return False
-        self.pose = pose
         return True

@@ -32,6 +32,7 @@ COLOURED_SHARE = 2.0e-4
 # search with one of them. Along the axis P0 is sought as far.
 STEP = 1.6 * SEARCH_REACH
 HEIGHTS = (-2.0 * STEP, -STEP, STEP, 2.0 * STEP)
+ALONG = HEIGHTS[-1] + SEARCH_REACH
 
 _SWAPPED = (
     "the colours are swapped: P0 is found after exchanging red and blue; is it rgb8 labelled "
@@ -111,7 +112,7 @@ class MisplacedCamera:
         self._gap = config.expected_gap
         # P0 has passed once after so much of the way; what is found earlier may be another marker.
         self._lap = math.tau + config.usable_azimuth
-        self._along = BandSearch(config, HEIGHTS[-1] + SEARCH_REACH)
+        self._along = BandSearch(config, ALONG)
         self._heights = {error: BandSearch(config) for error in HEIGHTS}
         self._begun = self._looked = self._guide = self._since = math.nan
 
@@ -147,13 +148,15 @@ class MisplacedCamera:
         self.done |= abs(angle - self._since) > math.pi
         if self.done or (something and not self._due(angle + followed, setup.usable_azimuth)):
             return ""
-        self._along.add(frame, setup, angle)
-        found = [
-            band.z
-            for band in _coloured(self._along.proven, colour)
-            if abs(band.z) > SEARCH_REACH
-            and not (something and self._strange(band.offset - followed))
-        ]
+        found = []
+        if colour is not None:
+            self._along.add(frame, setup, angle)
+            found = [
+                band.z
+                for band in _coloured(self._along.proven, colour)
+                if abs(band.z) > SEARCH_REACH
+                and not (something and self._strange(band.offset - followed))
+            ]
         along = min(found, default=0.0)
         if something:
             return beside_its_place(along, setup) if along < 0.0 else ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import cast
 
 import numpy as np
@@ -168,10 +169,13 @@ class Tracker:
         angle = _believed(cylinder_angle)
         guide = _believed(guide_z)
         if not self._start.done:
-            if self._start.take(frame, self._setup, angle, guide):
+            if self._start.take(
+                frame, self._setup, angle, guide, self.state, partial(self._path, t)
+            ):
                 self.beginnings += 1
                 self._begin()
-            if not self.state.marks.known[0]:
+                self._start.begin(self.state)
+            elif not self.state.marks.known[0]:
                 self.state.mark_rows["height"][0] = self._start.height
         out = self._advance(
             np.asarray(frame)[None],
@@ -292,7 +296,9 @@ class Tracker:
                 self._setup, self.state, p0_late=self._start.overdue(float(cylinder.angle))
             ),
             guide_doubt=guide_doubt(self._setup, self.state),
-            judged=self._checks.covers(self._log) and self._explained_at < self._frames,
+            judged=self._checks.covers(self._log)
+            and self._explained_at < self._frames
+            and self._start.certain,
         )
 
     def explain(self) -> None:
@@ -410,6 +416,15 @@ class Tracker:
             self._numbers.ahead = float(out.ahead[-1])
             self._flags = out.rows["marker_flags"][-1]
         return out
+
+    def _path(self, t: float, origin: float) -> FloatArray:
+        """Return z of the cable by guide and by feed [m], see `Tracks`, laid up to a time t [s].
+
+        The encoder reads `origin` where P0 lands [rad].
+        """
+        state = TrackerState.fresh(self.config.marker_count)
+        self._motion.take_up(state, self._fixed, t, origin)
+        return state.paths[:, : state.run.path_filled]
 
     def _records(self, out: Burst) -> Markers:
         """Return records of shape (frames, markers)."""
