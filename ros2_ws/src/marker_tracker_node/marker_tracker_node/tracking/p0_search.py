@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import cv2
@@ -298,30 +297,33 @@ def _bands(
         first, across = (int(stats[label, kind]) for kind in (cv2.CC_STAT_LEFT, cv2.CC_STAT_WIDTH))
         parts = [labels == label]
         if across > 1.4 * wide:
-            # Bands of turns that touch: the first one, and the last.
+            # Bands of turns that touch: the first one, and the last. What does not begin with a
+            # band, such as a cylinder of that hue, ends with none.
             parts = [parts[0], parts[0].copy()]
             parts[0][:, first + round(wide) :] = False
             parts[1][:, : first + across - round(wide)] = False
-        found += [
-            (place, strip[part]) for part in parts for place in _place(part, left, area, setup)
-        ]
-    return [(*place, samples) for place, samples in found]
+        for part in parts:
+            place = _place(part, left, area, setup)
+            if place is None:
+                break
+            found.append((*place, strip[part]))
+    return found
 
 
-def _place(part: FlagArray, left: int, area: float, setup: Setup) -> Iterator[tuple[float, float]]:
-    """Yield azimuth [rad] and z [m] of a part of a strip if it may be the band of a marker."""
+def _place(part: FlagArray, left: int, area: float, setup: Setup) -> tuple[float, float] | None:
+    """Return azimuth [rad] and z [m] of a part of a strip; None if it is no band of a marker."""
     size = int(part.sum())
     # Seen from the side a band is shorter.
     if not 0.5 * WHOLE_ENOUGH * area <= size <= (1.0 + AREA_RANGE) * area:
-        return
+        return None
     rows, columns = np.nonzero(part)
     if rows.min() == 0 or rows.max() == len(part) - 1:
-        return
+        return None
     a, b = plane_of_pixel(setup.camera, float(columns.mean()) + left, float(rows.mean()))
     # What stands before the contact line may be cable that is not wound yet.
     azimuth, z = solve_band(setup.camera, setup.body, a, b, Band(azimuth=0.5, z=0.0, slope=0.0))
     if not -0.2 <= azimuth <= setup.usable_azimuth:
-        return
+        return None
     expected = _Place.predicted(setup, azimuth, z).pixels
-    if WHOLE_ENOUGH * expected <= size <= (1.0 + AREA_RANGE) * expected:
-        yield azimuth, z
+    whole = WHOLE_ENOUGH * expected <= size <= (1.0 + AREA_RANGE) * expected
+    return (azimuth, z) if whole else None
