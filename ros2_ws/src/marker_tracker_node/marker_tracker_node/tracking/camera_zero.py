@@ -21,9 +21,7 @@ from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
 from marker_tracker_node.tracking.frame.acquisition import P0_REACH
 from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE
 from marker_tracker_node.tracking.machine_motion import STILL
-from marker_tracker_node.tracking.p0_search import (
-    locate_marker,
-)
+from marker_tracker_node.tracking.p0_search import locate_marker
 from marker_tracker_node.tracking.state import Burst, Setup
 
 # Frames at rest: their scatter is a quarter of one frame's then.

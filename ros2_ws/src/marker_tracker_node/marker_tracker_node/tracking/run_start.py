@@ -179,7 +179,7 @@ class RunStart:
 
     @property
     def _ambiguous(self) -> bool:
-        """Whether P0 may be another band yet; once all have landed no news comes."""
+        """Whether P0 may be another band yet; once all have landed nothing new is seen."""
         last = math.tau + (self._config.marker_count + 1) * self._config.expected_gap
         return not self.certain and not abs(self._looked - self._begun) > last
 
