@@ -8,8 +8,8 @@ import pytest
 
 from marker_tracker_node.tracking.identity import identified
 from marker_tracker_node.tracking.p0_search import MovingBand
-from marker_tracker_node.tracking.state import PATH_STEP
-from winding_core.helix import FleetAngleLaw
+from marker_tracker_node.tracking.report import crossing, missing_markers
+from marker_tracker_node.tracking.state import PATH_STEP, TrackerState
 from winding_verification.tracker.scenes import World
 
 # Begun behind P0, so that P1, which comes before it, is the first to be seen.
@@ -34,12 +34,7 @@ def bands_of(world, begun, end, shift=0.0, along=0.0):
 
 def identity(world, end, shift=0.0, along=0.0):
     """Which band is P0 of a run joined at 1.4 rad, as of an angle of the cylinder [rad]."""
-    law = FleetAngleLaw(
-        advance_per_radian=world.drive.advance_per_radian,
-        free_length=world.free_length,
-        radius=world.radius,
-    )
-    path = np.array([law.z(PATH_STEP * k) for k in range(int(end / PATH_STEP))])
+    path = world.config().law.z(PATH_STEP * np.arange(int(end / PATH_STEP)))
     bands = bands_of(world, 1.4, end, shift, along)
 
     def origin(band):
@@ -75,3 +70,27 @@ def test_what_two_bands_explain_alike_waits_for_more():
     assert identity(world, 14.0)[1] is None
     bands, found = identity(world, 26.0)
     assert found is None or found.first is bands[0]
+
+
+def known(world, rise):
+    """A setup, and a state with P1 known beside P0 and so many diameters above."""
+    config, state = world.config(), TrackerState.fresh(world.marker_count)
+    marks = state.marks
+    marks.known[:2] = True
+    marks.theta[1], marks.height[1] = math.tau - 0.1, rise * 2.0 * world.cable_radius
+    return config.setup(world.pinhole().view(config.pose)), state
+
+
+def test_neighbours_nearer_than_cable_beside_cable_lie_on_one_another():
+    world = World.drawn(SEEDS[0])
+    assert crossing(*known(world, 1.0)) == ""
+    assert crossing(*known(world, 0.5)).startswith("P1 lies on P0")
+
+
+def test_a_p0_that_comes_round_unseen_was_not_found():
+    setup, state = known(World.drawn(SEEDS[0]), 1.0)
+    for angle, missing in ((7.0, ()), (8.0, (0,))):  # a turn and 1.08 rad
+        state.run_rows["cylinder"]["angle"] = angle
+        assert missing_markers(setup, state, p0_late=False) == missing
+    state.marks.weight[0] = 1.0
+    assert missing_markers(setup, state, p0_late=False) == ()

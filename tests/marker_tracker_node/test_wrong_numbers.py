@@ -303,3 +303,12 @@ def test_every_marker_is_found_though_p0_comes_late(seed: int, number: str, size
     assert found.known == (world.markers[0] < world.position(world.duration)[0]).sum()
     assert found.far < (1.5 if seed == 1001 else 5.0)  # required
     assert found.right or seed == 1021
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize(("seed", "offset"), [(7310, -0.014), (7312, -0.009)])
+def test_a_cable_that_is_led_over_p0_is_not_published_as_healthy(seed: int, offset: float) -> None:
+    # P1 hides half of P0, or is one band with it.
+    _, found = run(seed, "guide_offset", offset)
+    assert not found.healthy
+    assert found.strayed < 5.0  # required

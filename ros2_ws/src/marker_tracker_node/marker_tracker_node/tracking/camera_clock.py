@@ -24,8 +24,8 @@ from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.encoder_history import HALF_SPAN, INTERPOLATED, EncoderHistory
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE
 from marker_tracker_node.tracking.estimator.numbers import CLOCK, FOCAL, NUMBERS, TIMES
-from marker_tracker_node.tracking.frame.acquisition import P0_REACH
 from marker_tracker_node.tracking.frame.gate_prediction import JUMP_THETA
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH
 from marker_tracker_node.tracking.frame.run_means import ENCODER_TRUST, MEMORY, REFERENCE_FRAMES
 from winding_core.units import MILLISECOND
 
@@ -263,7 +263,7 @@ class CameraClock:
 
         An encoder or times that are wrong by 7 % have it there.
         """
-        return P0_REACH if self._missed and not self._shown else 0.0
+        return BAND_REACH if self._missed and not self._shown else 0.0
 
     def take(self, t: float, azimuths: FloatArray) -> None:
         """Take the azimuths [rad] that were seen in a frame that had a reading, stamped t [s].

@@ -18,8 +18,7 @@ from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE, fitted
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS, ROLL, TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
-from marker_tracker_node.tracking.frame.acquisition import P0_REACH
-from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, PROOF_ADVANCE
 from marker_tracker_node.tracking.machine_motion import STILL
 from marker_tracker_node.tracking.p0_search import locate_marker
 from marker_tracker_node.tracking.state import Burst, Setup
@@ -77,7 +76,7 @@ class CameraZero:
         if math.isnan(angle) or not self._rests(angle) or len(self._rest) >= REST_FRAMES:
             return False
         place = math.remainder(angle, math.tau)
-        if abs(place) > P0_REACH:
+        if abs(place) > BAND_REACH:
             return False
         try:
             pixel = locate_marker(frame, colour, setup, place, WHOLE_AREA)
@@ -104,7 +103,7 @@ class CameraZero:
             names = ("azimuth", "seen_height", "slope", "low", "high")
             self._passed.append([t, angle, *(float(p0[name]) for name in names)])
         # Then it has passed.
-        if not self._passed or abs(angle - self._passed[-1][1]) < P0_REACH:
+        if not self._passed or abs(angle - self._passed[-1][1]) < BAND_REACH:
             return False
         return self._judge(np.array(self._passed))
 

@@ -10,7 +10,7 @@ from marker_tracker_node.detection.band import Body
 from marker_tracker_node.detection.detectors import detector_number
 from marker_tracker_node.tracking.state import Setup
 from winding_core.cable.condition import ResolvedCondition
-from winding_core.helix import PAPER_FREE_LENGTH
+from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw
 from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
 from winding_core.markers import BAND, DOT, MarkerParameters
 from winding_core.run_options import CameraPlacement
@@ -132,6 +132,15 @@ class TrackerConfig:
         return self.marker_spacing * self.expected_stretch / self.centreline_radius
 
     @property
+    def law(self) -> FleetAngleLaw:
+        """Where the cable lands behind a guide that keeps in step with the cylinder."""
+        return FleetAngleLaw(
+            advance_per_radian=self.advance_per_radian,
+            free_length=self.free_length,
+            radius=self.centreline_radius,
+        )
+
+    @property
     def hues(self) -> tuple[float, ...]:
         """Hue of each marker [deg], shape (marker_count + 1,)."""
         given = self.marker_hues or (self.marker_hue,)
@@ -161,7 +170,7 @@ class TrackerConfig:
             search_width=float(self.search_width),
             slip_limit=float(self.slip_limit),
             expected_gap=float(self.expected_gap),
-            lag=self.free_length / self.centreline_radius,
+            lag=self.law.lag_angle,
             advance_per_radian=float(self.advance_per_radian),
             row_time=float(self.row_time),
             torsion=float(self.dot_torsion),

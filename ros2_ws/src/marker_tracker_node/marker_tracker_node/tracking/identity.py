@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from marker_tracker_node.arrays import FloatArray, IndexArray
+from marker_tracker_node.arrays import FlagArray, FloatArray, IndexArray
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.fit import SURE
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS, PLACE, TILT, ZERO
@@ -126,40 +126,20 @@ def _explained(
     distance: float,
 ) -> Identified:
     """Explain all bands with one of them as P0."""
-    origin, begun, configured = readings
-    rho, lag = config.centreline_radius, config.free_length / config.centreline_radius
-    # Camera and encoder as they are configured.
-    place = math.hypot(NUMBERS[PLACE + 1].doubt, NUMBERS[TILT].doubt * distance)
-    zero = math.remainder(origin - configured, math.tau) / math.hypot(
-        NUMBERS[ZERO].doubt, place / rho
-    )
-    cost = min(float(_tail(zero)), AS_WELL) + float(_tail(first.z / place))
+    cost = _unlike_configured(first, config, readings, distance)
     others = [band for band in bands if band is not first]
-    offsets, ratios = _OFFSETS[:, 0, 0, 0], _RATIOS[:, 0, 0]
-    total = _tail(offsets / OFFSET_SIGMA)[:, None] + _tail(np.log(ratios) / GAP_SIGMA)
     if not others:
         none = np.zeros(1)
         return Identified(
             bands=(first,), numbers=none.astype(int), theta=none, z=none, offset=0.0, cost=cost
         )
-    # Wound angles that a band may have: it had landed when it was seen first, and not before the
-    # lap in which it would have been seen as it landed.
-    seen = np.array([band.first for band in others])[:, None] - origin
-    turns = math.tau * np.arange(max(int(seen.max() / math.tau) + 2, 1))
-    theta = np.array([(first.offset - band.offset) % math.tau for band in others])[:, None] + turns
-    new = seen - math.tau > begun - origin + BAND_REACH
-    possible = (theta < seen + BAND_REACH) & ~(new & (theta < seen - math.pi))
-    gap = config.expected_gap
-    number = np.clip(np.round(theta / (gap * _RATIOS)), 1, config.marker_count).astype(int)
-    away = (theta - number * gap * _RATIOS) / (SAME_ANGLE * np.sqrt(number))
-    share = 1.0 - np.exp(-theta / lag)
-    grid = PATH_STEP * np.arange(path.size)
-    z = np.array([band.z - first.z for band in others])[:, None]
-    turn = np.interp(math.tau, grid, path) + _OFFSETS * (1.0 - math.exp(-math.tau / lag))
-    held = np.copysign(np.maximum(2.0 * config.cable_radius - np.abs(turn), 0.0), turn)
-    off = z - np.interp(theta, grid, path) - _OFFSETS * share
-    off -= np.clip(off, np.minimum(held, 0.0), np.maximum(held, 0.0))
-    square = np.where(possible, away**2 + (off / LAY_SIGMA) ** 2, math.inf)
+    z = np.array([band.z - first.z for band in others])
+    theta, possible = _wound(first, others, readings)
+    gap = config.expected_gap * _RATIOS
+    number = np.clip(np.round(theta / gap), 1, config.marker_count).astype(int)
+    away = (theta - number * gap) / (SAME_ANGLE * np.sqrt(number))
+    off = _off_path(z[:, None], theta, config, path) / LAY_SIGMA
+    square = np.where(possible, away**2 + off**2, math.inf)
     best = square.argmin(axis=-1)
     own = np.minimum(square.min(axis=-1), LEAST_ALONE)
     numbers = np.take_along_axis(np.broadcast_to(number, square.shape), best[..., None], -1)[..., 0]
@@ -170,7 +150,8 @@ def _explained(
     # And markers that were passed over should have been seen.
     clear = own < LEAST_ALONE
     passed = np.where(clear, numbers, 0).max(axis=-1) - clear.sum(axis=-1)
-    total = total + own.sum(axis=-1) + SURE**2 * passed
+    doubted = _tail(_OFFSETS / OFFSET_SIGMA) + _tail(np.log(_RATIOS) / GAP_SIGMA)
+    total = doubted[..., 0, 0] + own.sum(axis=-1) + SURE**2 * passed
     at = np.unravel_index(int(total.argmin()), total.shape)
     # Other numbers of the same bands may explain them as well: then P0 alone is known.
     other = total[(numbers != numbers[at]).any(axis=-1)]
@@ -181,10 +162,52 @@ def _explained(
         bands=(first, *(band for band, one in zip(others, clear, strict=True) if one)),
         numbers=np.append(0, np.where(sure, numbers[at][clear], -1)),
         theta=np.append(0.0, places[clear]),
-        z=np.append(0.0, z[clear, 0]),
-        offset=float(offsets[at[0]]),
+        z=np.append(0.0, z[clear]),
+        offset=float(_OFFSETS[at[0], 0, 0, 0]),
         cost=cost + float(total[at]),
     )
+
+
+def _unlike_configured(
+    first: MovingBand,
+    config: TrackerConfig,
+    readings: tuple[float, float, float],
+    distance: float,
+) -> float:
+    """Return what it costs that P0 is not where encoder and camera, as configured, have it."""
+    origin, _, configured = readings
+    place = math.hypot(NUMBERS[PLACE + 1].doubt, NUMBERS[TILT].doubt * distance)
+    angle = math.hypot(NUMBERS[ZERO].doubt, place / config.centreline_radius)
+    zero = math.remainder(origin - configured, math.tau) / angle
+    return min(float(_tail(zero)), AS_WELL) + float(_tail(first.z / place))
+
+
+def _wound(
+    first: MovingBand, others: list[MovingBand], readings: tuple[float, float, float]
+) -> tuple[FloatArray, FlagArray]:
+    """Return wound angles of bands [rad] by the turns between, and whether each is possible.
+
+    A band had landed when it was seen first, and not before the lap in which it would have been
+    seen as it landed. Both have the shape (bands, turns).
+    """
+    origin, begun, _ = readings
+    seen = np.array([band.first for band in others])[:, None] - origin
+    turns = math.tau * np.arange(max(int(seen.max() / math.tau) + 2, 1))
+    theta = np.array([(first.offset - band.offset) % math.tau for band in others])[:, None] + turns
+    new = seen - math.tau > begun - origin + BAND_REACH
+    return theta, (theta < seen + BAND_REACH) & ~(new & (theta < seen - math.pi))
+
+
+def _off_path(
+    z: FloatArray, theta: FloatArray, config: TrackerConfig, path: FloatArray
+) -> FloatArray:
+    """Return how far z lies off a path, and what its first turn may hold it off, by offset [m]."""
+    share = replace(config.law, advance_per_radian=1.0).slope
+    grid = PATH_STEP * np.arange(path.size)
+    turn = np.interp(math.tau, grid, path) + _OFFSETS * share(math.tau)
+    held = np.copysign(np.maximum(2.0 * config.cable_radius - np.abs(turn), 0.0), turn)
+    off = z - np.interp(theta, grid, path) - _OFFSETS * share(theta)
+    return np.asarray(off - np.clip(off, np.minimum(held, 0.0), np.maximum(held, 0.0)))
 
 
 def _tail(off: FloatArray | float) -> FloatArray:

@@ -21,11 +21,10 @@ from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS, PLACE
 from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
-from marker_tracker_node.tracking.frame.acquisition import P0_REACH, PROOF_HITS
+from marker_tracker_node.tracking.frame.acquisition import PROOF_HITS
 from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
-from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE, SAME_HEIGHT
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, PROOF_ADVANCE, SAME_HEIGHT
 from marker_tracker_node.tracking.state import Setup
-from winding_core.helix import FleetAngleLaw
 
 # How far P0 may appear from its place before the camera's pose was ever refined [m]: as far as one
 # that was set with a tape measure stands off.
@@ -77,9 +76,9 @@ def sample_colour(
     Raises:
         ColourRefusedError: P0 is not there, or its pixels define no colour.
     """
-    if abs(angle) > P0_REACH:
+    if abs(angle) > BAND_REACH:
         raise ColourRefusedError(
-            f"P0 can be sampled within {P0_REACH} rad of the start only, the cylinder is at "
+            f"P0 can be sampled within {BAND_REACH} rad of the start only, the cylinder is at "
             f"{angle:.2f} rad"
         )
     place = _Place.predicted(setup, angle)
@@ -201,13 +200,8 @@ class BandSearch:
         self._config, self._reach = config, reach
         self._passing: list[MovingBand] = []
         self._begun = self._angle = math.nan
-        law = FleetAngleLaw(
-            advance_per_radian=config.advance_per_radian,
-            free_length=config.free_length,
-            radius=config.centreline_radius,
-        )
         # Nearer to P0's place than to that of P1 on its first turn.
-        self._surely = 0.5 * float(law.z(config.expected_gap))
+        self._surely = 0.5 * float(config.law.z(config.expected_gap))
 
     def add(self, frame: ByteArray, setup: Setup, angle: float) -> None:
         """Take a frame of shape (rows, columns, 3), at a reading of the encoder [rad]."""

@@ -81,7 +81,7 @@ def refine(
     """Fit pose, encoder shift and all markers at once.
 
     P0 is the origin of wound angles and heights; its azimuth is the cylinder angle. The pose is
-    moved only where the sightings determine it better than was believed, see `carried_correction`.
+    moved only where the sightings determine it better than the prior, see `carried_correction`.
     Where it stays, so do the run means; only their deviations are new.
 
     Args:

@@ -7,6 +7,7 @@ their spacing, and where along the cylinder the guide's readings.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +19,7 @@ from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE
-from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, Seen
+from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, MARKER, Seen
 from marker_tracker_node.tracking.estimator.verdict import AS_WELL, LEAST_ALONE, LEFT_ALONE
 from marker_tracker_node.tracking.frame.laid_path import (
     FARTHEST,
@@ -27,6 +28,8 @@ from marker_tracker_node.tracking.frame.laid_path import (
     MOST_SCALE,
     USUAL_SCALE,
     beside_path,
+    corrected_height,
+    laid_cable,
     lay_share,
     overdue,
 )
@@ -43,6 +46,8 @@ _TURNING = frozenset({"encoder_scale", "frame_times"})
 # While nothing is wrong markers are found in more frames than this share of those that have them in
 # sight, and a picture keeps as much of the beginning's grey levels.
 _USUAL = 0.8
+# Cable beside cable lies a diameter away, less what a band that is cut off leaves unknown.
+CLIMB = 0.8
 
 
 class FrameFault(Enum):
@@ -80,6 +85,7 @@ class TrackerReport:
     contradictions: tuple[Contradiction, ...]  # Configured numbers that the pictures speak against
     missing: tuple[int, ...] = ()  # Numbers of the markers that should have been found long ago
     guide_doubt: str = ""  # What is wrong with the guide's readings; empty if nothing
+    crossing: str = ""  # Which markers lie on one another; empty if none
     clock_doubt: str = ""  # What is wrong with the camera's clock; empty if nothing
     judged: bool = True  # Whether the sightings of two markers have been explained
 
@@ -89,6 +95,7 @@ class TrackerReport:
         refused = sum(self.rejected.values())
         doubts = (
             self.guide_doubt,
+            self.crossing,
             *(f"P{n} was not found where it should lie" for n in self.missing),
             *(f"P{n} has slipped" for n in self.slipped),
             "the encoder is silent" if self.encoder_lost else "",
@@ -153,8 +160,9 @@ class RunChecks:
         return True
 
     def covers(self, log: SightingLog) -> bool:
-        """Return whether two markers or more were judged, and every one that was seen."""
-        return 1 < self._markers == len(log.laps) and self._rows >= LEAST_ROWS
+        """Return whether P0 and another marker were judged, and every one that was seen."""
+        every = 1 < self._markers == len(log.laps) and self._rows >= LEAST_ROWS
+        return every and bool((log.sightings[:, MARKER] == 0).any())
 
 
 def _of_light_and_colour(log: SightingLog, area: FloatArray) -> Contradiction | None:
@@ -232,7 +240,7 @@ def _of_spacing(setup: Setup, state: TrackerState) -> Contradiction | None:
 def _of_guide(setup: Setup, state: TrackerState) -> Contradiction | None:
     """Judge zero and scale of the guide's readings by the heights of the markers."""
     known, beside, share = _beside_readings(setup, state)
-    if state.run.guide.belief != BY_READINGS or known.size < 3:
+    if state.run.guide.laid_by != BY_READINGS or known.size < 3:
         return None
     z = state.marks.height[known] - state.marks.height[0]
     shapes = {"guide_offset": share, "guide_scale": z - beside}
@@ -277,7 +285,7 @@ def _beside_readings(
 def guide_doubt(setup: Setup, state: TrackerState) -> str:
     """Return what is wrong with the guide's readings in the last frame, empty if nothing."""
     guide = state.run.guide
-    if guide.belief == BY_READINGS:
+    if guide.laid_by == BY_READINGS:
         _, beside, share = _beside_readings(setup, state)
         off = float(np.abs(beside - guide.offset * share).max(initial=0.0))
         if not (math.isfinite(guide.zero) and off > FARTHEST * LAY_SIGMA):
@@ -294,8 +302,8 @@ def guide_doubt(setup: Setup, state: TrackerState) -> str:
             why = "are they millimetres instead of metres, and is their sign reversed?"
     else:
         why = "is their sign reversed?" if scale < 0.0 else "is their scale right?"
-    how = "no marker was found where they lead" if guide.belief == TRIED else "the cable lies so"
-    if guide.belief == IMPOSSIBLE:
+    how = "no marker was found where they lead" if guide.laid_by == TRIED else "the cable lies so"
+    if guide.laid_by == IMPOSSIBLE:
         how = "no guide moves so far"
     return (
         f"the guide's readings move {scale:.3g} times as far as the commanded feed, {why} "
@@ -303,15 +311,36 @@ def guide_doubt(setup: Setup, state: TrackerState) -> str:
     )
 
 
+def crossing(setup: Setup, state: TrackerState) -> str:
+    """Return which neighbours' bands lie on one another, empty if none.
+
+    Their turns are nearer than cable beside cable can be: one is raised by the other, or the two
+    are measured as one.
+    """
+    marks, cable = state.marks, laid_cable(state.tracks, state.run)
+    thick = 2.0 * setup.body.cable_radius
+    for below, n in itertools.pairwise(np.flatnonzero(marks.known).tolist()):
+        ahead = math.remainder(float(marks.theta[n] - marks.theta[below]), math.tau)
+        rise = corrected_height(cable, float(marks.theta[n]) - ahead)[0] - marks.height[below]
+        if abs(ahead) * setup.body.rho < 2.0 * setup.body.half_band and abs(rise) < CLIMB * thick:
+            return (
+                f"P{n} lies on P{below}: their turns are {abs(rise) / MILLIMETRE:.1f} mm apart, "
+                f"the cable is {thick / MILLIMETRE:.1f} mm thick"
+            )
+    return ""
+
+
 def missing_markers(setup: Setup, state: TrackerState, *, p0_late: bool) -> tuple[int, ...]:
     """Return the numbers of the markers that should have been found long ago.
 
-    P0 is if it is late and not known.
+    P0 is if it is late and not known, or if it was not measured when it came round again.
     """
     marks, run = state.marks, state.run
     known = np.flatnonzero(marks.known)
-    if not known.size or known[0] != 0:
-        return (0,) if p0_late else ()
+    if not (marks.known[0] and marks.weight[0]):
+        again = marks.found[0] + math.tau + setup.usable_azimuth
+        late = run.cylinder.angle > again if marks.known[0] else p0_late
+        return (0,) if late else ()
     last = int(known[-1])
     # Then the next one is due as well, and this one has come past the camera once more.
     due = overdue(setup, marks, last) + math.tau

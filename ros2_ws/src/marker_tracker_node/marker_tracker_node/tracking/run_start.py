@@ -11,8 +11,7 @@ from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
 from marker_tracker_node.tracking.camera_zero import LOOK_STEP, CameraZero
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.acquisition import P0_REACH
-from marker_tracker_node.tracking.frame.laid_path import LAY_SIGMA, PROOF_ADVANCE
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LAY_SIGMA, PROOF_ADVANCE
 from marker_tracker_node.tracking.identity import Identified, Paths, identified
 from marker_tracker_node.tracking.p0_search import (
     SAME_ANGLE,
@@ -90,7 +89,7 @@ class RunStart:
                 self.origin = angle - self._config.start_angle
             self._set = self.origin
             # Then P0 is what lands first, and has its colour.
-            self.certain &= abs(angle - self.origin) <= P0_REACH
+            self.certain &= abs(angle - self.origin) <= BAND_REACH
         at = angle - self.origin
         if self.colour is None:
             self._sample(frame, setup, 0.0 if math.isnan(at) else at)
@@ -142,9 +141,9 @@ class RunStart:
         """Learn the colour from P0 where the encoder places it."""
         if self._settled:
             return
-        if abs(angle) > P0_REACH:
+        if abs(angle) > BAND_REACH:
             self._refuse(
-                f"the run begins at {angle:.2f} rad, more than {P0_REACH} rad behind P0's start: "
+                f"the run begins at {angle:.2f} rad, more than {BAND_REACH} rad behind P0's start: "
                 "P0 is sought as it passes"
             )
             return
@@ -227,7 +226,7 @@ class RunStart:
     def _origin_of(self, band: MovingBand, angle: float, guide: float) -> float:
         """Return what the encoder reads where a band has landed if that is P0 [rad]."""
         off = math.remainder(band.offset + self._set, math.tau)
-        if abs(off) < P0_REACH:
+        if abs(off) < BAND_REACH:
             return self._set - off
         # The guide gives the whole turns: an encoder that is not zeroed does not count them.
         place, advance, turns = angle + band.offset, self._config.advance_per_radian, 0
@@ -283,7 +282,7 @@ class RunStart:
             return self._withdraw(beside_its_place(band.z, setup))
         off = math.remainder(band.offset + self.origin, math.tau)
         height, explains = 0.0, 0.0
-        if P0_REACH <= abs(off) <= 0.5 * math.pi:
+        if BAND_REACH <= abs(off) <= 0.5 * math.pi:
             if band.arc < 2.0 * PROOF_ADVANCE:
                 # More of its way tells a wrong zero from a wrong height.
                 self._followed = self.proven = False
@@ -296,7 +295,7 @@ class RunStart:
                 "explains P0's path better: set camera_tilt or camera_position, or start_angle"
             )
             # What is seen in the first turn, and until it has passed, may decide otherwise.
-            passed = abs(angle - band.last) > P0_REACH
+            passed = abs(angle - band.last) > BAND_REACH
             if passed and abs(angle - self._begun) > math.tau:
                 return self._withdraw(beside_its_place(height, setup, "in height", "x"))
             self._followed = self.proven = False
@@ -311,7 +310,7 @@ class RunStart:
                 return False
             self.refusal = ""
         self.height = band.z
-        if abs(off) < P0_REACH:
+        if abs(off) < BAND_REACH:
             return False
         self.origin = self._origin_of(band, angle, guide)
         self._remark = f"the encoder reads {self.origin:.3f} rad where P0 lands: that is taken off"

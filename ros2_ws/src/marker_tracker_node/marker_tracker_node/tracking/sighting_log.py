@@ -17,9 +17,6 @@ from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 
 _OCCLUDED = int(MarkerFlag.OCCLUDED)
-# Rows kept, of some minutes at the rate of the log; a full one drops what lies between the first
-# and the newest quarter.
-_ROWS = KEPT
 # Every so many rows and columns of a picture show how bright it is.
 _LIGHT_STRIDE = 16
 
@@ -106,10 +103,10 @@ class SightingLog:
 
 
 class _Table:
-    """Rows of numbers: the first of a run and the newest."""
+    """Rows of numbers, of some minutes: a full one keeps the first and the newest quarter."""
 
     def __init__(self, columns: int) -> None:
-        self._values = np.zeros((_ROWS, columns))
+        self._values = np.zeros((KEPT, columns))
         self._count = 0
 
     @property
@@ -125,11 +122,11 @@ class _Table:
     def add(self, rows: FloatArray) -> None:
         """Take rows, shape (n, columns)."""
         while len(rows):
-            if self._count == _ROWS:
+            if self._count == KEPT:
                 first, second, _, newest = np.split(self._values, 4)
                 second[:] = newest
                 self._count = len(first) + len(second)
-            taken, rows = rows[: _ROWS - self._count], rows[_ROWS - self._count :]
+            taken, rows = rows[: KEPT - self._count], rows[KEPT - self._count :]
             self._values[self._count : self._count + len(taken)] = taken
             self._count += len(taken)
 

@@ -86,7 +86,7 @@ class Guide:
     travel: float  # Of the readings while the cylinder turned [m]
     turned: float  # Rotation in which that was [rad]
     offset: float  # How much further than `way` the guide stands, as the markers show [m]
-    belief: int  # One of BY_READINGS and so on
+    laid_by: int  # One of BY_READINGS and so on
     since: float  # Cylinder angle when that was decided, or P0 was found [rad]
 
 
@@ -225,7 +225,7 @@ class TrackerState:
         run["path_filled"] = 1
         run["cylinder"]["read"] = math.nan
         run["guide"]["reading"] = run["guide"]["zero"] = math.nan
-        run["guide"]["belief"] = BY_READINGS
+        run["guide"]["laid_by"] = BY_READINGS
         return state
 
     @property
@@ -267,9 +267,9 @@ class TrackerState:
 
     @property
     def path(self) -> FloatArray:
-        """That of `Tracks.paths` that is believed, shape (PATH_SIZE,)."""
-        believed = self.run_rows["guide"]["belief"][0] == BY_READINGS
-        path: FloatArray = self.paths[0 if believed else 1]
+        """That of `Tracks.paths` that is in use, shape (PATH_SIZE,)."""
+        by_readings = self.run_rows["guide"]["laid_by"][0] == BY_READINGS
+        path: FloatArray = self.paths[0 if by_readings else 1]
         return path
 
 

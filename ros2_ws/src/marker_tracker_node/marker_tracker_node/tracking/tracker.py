@@ -30,6 +30,7 @@ from marker_tracker_node.tracking.report import (
     FrameFault,
     RunChecks,
     TrackerReport,
+    crossing,
     guide_doubt,
     missing_markers,
 )
@@ -166,8 +167,8 @@ class Tracker:
         fault = self._fault(frame, t)
         if fault is not None:
             return self.refuse(fault)
-        angle = _believed(cylinder_angle)
-        guide = _believed(guide_z)
+        angle = _possible(cylinder_angle)
+        guide = _possible(guide_z)
         if not self._start.done:
             if self._start.take(
                 frame, self._setup, angle, guide, self.state, partial(self._path, t)
@@ -296,6 +297,7 @@ class Tracker:
                 self._setup, self.state, p0_late=self._start.overdue(float(cylinder.angle))
             ),
             guide_doubt=guide_doubt(self._setup, self.state),
+            crossing=crossing(self._setup, self.state),
             judged=self._checks.covers(self._log)
             and self._explained_at < self._frames
             and self._start.certain,
@@ -312,7 +314,7 @@ class Tracker:
         if not (done and self._start.proven):
             return done
         if found is None:
-            if not self._numbers.made:
+            if not self._numbers.made and self._checks.covers(self._log):
                 marks.doubt_theta[:] = marks.doubt_height[:] = 0.0
             return True
         if self._numbers.changes(found, marks):
@@ -441,6 +443,6 @@ class Tracker:
         )
 
 
-def _believed(value: float | None) -> float:
+def _possible(value: float | None) -> float:
     """Return a reading, or nan where there is none that a machine could give."""
     return float(value) if value is not None and abs(value) <= _FARTHEST else math.nan

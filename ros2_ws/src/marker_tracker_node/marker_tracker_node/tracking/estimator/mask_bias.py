@@ -24,7 +24,7 @@ IN_ANY_LIGHT = ((0.1, 0.1), (0.06, 0.2), (0.2, 0.15))
 OF_MARKER = ((0.02, 0.02), (0.08, 0.03), (0.02, 0.03))
 OF_CUT = (0.2, 0.1)
 # A turn whose axis is nearer than this may hide or cut off a part, in radii of the cable: where it
-# lies is believed to some tenths of a radius.
+# lies is estimated to some tenths of a radius.
 BESIDE = 2.6
 # How far a gate cuts into a band is known to so much beyond that, in each frame anew [px].
 CUT_SCATTER = 0.25
@@ -46,7 +46,7 @@ def bias_shapes(
     """Return what units of bias add to pictures, (k, 2, biases), and their sigmas [px], (biases,).
 
     Sightings have azimuths [rad] and the place of their marker among those seen, shape (k,); for
-    cuts see `cut_off`, `common` is what is believed of all bands in common [px].
+    cuts see `cut_off`, `common` is the prior of what all bands have in common [px].
     """
     sine = np.sin(azimuth)
     curves = np.array([np.ones(sine.size), sine, 2.0 * sine**2 - 1.0])

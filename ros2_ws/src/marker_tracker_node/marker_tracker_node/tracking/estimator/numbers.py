@@ -25,7 +25,7 @@ class Number(NamedTuple):
 
     @property
     def most(self) -> float:
-        """Largest error that is believed; an estimate there is unknown."""
+        """Largest error that is estimated; an estimate there is unknown."""
         return _MOST_PLACE if self.unit == "m" else _MOST
 
     def sentence(self, error: float) -> str:
@@ -35,30 +35,26 @@ class Number(NamedTuple):
         return f"{self.words} {1.0e3 * error:+.1f} m{self.unit}"
 
 
-# Scales of encoder and times: no gear slips, clocks keep far better time.
-_CLOCKWORK = 5.0e-4
-# A bracket's pose: a spirit level, along an edge for the roll; a tape measure, a steel rule.
-_LEVEL, _ROLL, _TAPE, _RULE = 0.01, 5.0e-3, 2.0e-3, 7.0e-4
-# Diameters: a caliper. Focal length: six views of a board, see docs/vision.md.
-_CALIPER = 1.0e-3
-# Camera's clock: a frame at 200 frames/s. A cable flattens, its jacket varies; bands are painted by
-# hand; the encoder's zero is assumed.
-_FRAME, _CABLE, _PAINT, _ZERO = 5.0e-3, 0.01, 0.04, 0.02
+# Doubts are those of the usual means: no gear slips, and clocks keep far better time.
 NUMBERS = (
-    Number("encoder_scale", _CLOCKWORK, "the encoder's angles are"),
-    Number("frame_times", _CLOCKWORK, "the times of the frames are"),
-    Number("camera_clock", _FRAME, "the camera's clock is ahead of the encoder's by", "s"),
-    Number("encoder_zero", _ZERO, "the encoder's zero is wrong by", "rad"),
-    Number("camera_tilt_x", _LEVEL, "the camera's tilt about x is wrong by", "rad"),
-    Number("camera_tilt_y", _LEVEL, "the camera's tilt about y is wrong by", "rad"),
-    Number("camera_roll", _ROLL, "the camera's roll is wrong by", "rad"),
-    Number("camera_distance", _RULE, "the camera's distance is wrong by", "m"),
-    Number("camera_height", _TAPE, "the camera's height is wrong by", "m"),
-    Number("camera_along", _TAPE, "the camera's place along the axis is wrong by", "m"),
-    Number("focal_length", _CALIPER, "the focal length is set"),
-    Number("cylinder_diameter", _CALIPER, "the cylinder diameter is set"),
-    Number("cable_diameter", _CABLE, "the cable diameter is set"),
-    Number("band_width", _PAINT, "the band width is set"),
+    Number("encoder_scale", 5.0e-4, "the encoder's angles are"),
+    Number("frame_times", 5.0e-4, "the times of the frames are"),
+    # A frame at 200 frames/s; and what is assumed of an encoder's zero.
+    Number("camera_clock", 5.0e-3, "the camera's clock is ahead of the encoder's by", "s"),
+    Number("encoder_zero", 0.02, "the encoder's zero is wrong by", "rad"),
+    # A spirit level, along an edge for the roll; a steel rule, and a tape measure.
+    Number("camera_tilt_x", 0.01, "the camera's tilt about x is wrong by", "rad"),
+    Number("camera_tilt_y", 0.01, "the camera's tilt about y is wrong by", "rad"),
+    Number("camera_roll", 5.0e-3, "the camera's roll is wrong by", "rad"),
+    Number("camera_distance", 7.0e-4, "the camera's distance is wrong by", "m"),
+    Number("camera_height", 2.0e-3, "the camera's height is wrong by", "m"),
+    Number("camera_along", 2.0e-3, "the camera's place along the axis is wrong by", "m"),
+    # Six views of a board, see docs/vision.md; a caliper.
+    Number("focal_length", 1.0e-3, "the focal length is set"),
+    Number("cylinder_diameter", 1.0e-3, "the cylinder diameter is set"),
+    # A cable flattens, its jacket varies; bands are painted by hand.
+    Number("cable_diameter", 0.01, "the cable diameter is set"),
+    Number("band_width", 0.04, "the band width is set"),
 )
 COUNT = len(NUMBERS)
 SCALE, TIMES, CLOCK, ZERO, TILT, _, ROLL, PLACE, _, _, FOCAL, CYLINDER, CABLE, BAND = range(COUNT)

@@ -51,7 +51,6 @@ from marker_tracker_node.tracking.frame.laid_path import (
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, Marks, Setup
 from winding_core.compiling import called
 
-P0_REACH = BAND_REACH
 # A marker proves itself on the free span, this far before it lands [rad].
 APPROACH = 0.25
 # Something proves itself by so many sightings, beside its way.
@@ -74,7 +73,7 @@ def marker_number(
     count = marks.known.size
     if not marks.known[0]:
         first = colour == colour_of[0] and identity in (NO_IDENTITY, 0)
-        return 0 if abs(theta) < P0_REACH and first else -1
+        return 0 if abs(theta) < BAND_REACH and first else -1
     below, above = known_around(marks, theta)
     if theta < marks.theta[0]:
         return -1
@@ -295,7 +294,7 @@ def _wanted_ranges(scan: Scan) -> tuple[FloatArray, FloatArray]:  # pragma: no c
     markers = marks.known.size
     starts, ends = np.empty(markers), np.empty(markers)
     if not marks.known[0]:
-        starts[0], ends[0] = -P0_REACH, P0_REACH
+        starts[0], ends[0] = -BAND_REACH, BAND_REACH
         return starts[:1], ends[:1]
     count, last = 0, 0
     for n in range(1, markers):

@@ -1,7 +1,7 @@
 """Where the laid cable should be: the fleet-angle law, drawn through the known markers.
 
-A guide may dwell and go back, so its readings are believed until the markers lie elsewhere. What no
-guide can do is not believed at all.
+A guide may dwell and go back, so the path is laid by its readings until the markers lie elsewhere,
+and by the commanded feed where no guide moves so far.
 """
 
 from __future__ import annotations
@@ -67,8 +67,8 @@ class LaidCable(NamedTuple):
 
 @called
 def laid_cable(tracks: Tracks, run: Run) -> LaidCable:  # pragma: no cover
-    """Return the cable by what is believed of the guide."""
-    row = 0 if run.guide.belief == BY_READINGS else 1
+    """Return the cable along the path that is in use."""
+    row = 0 if run.guide.laid_by == BY_READINGS else 1
     return LaidCable(tracks.marks, tracks.paths[row], run.path_filled)
 
 
@@ -256,7 +256,7 @@ def _off_path(
 def fit_offset(setup: Setup, run: Run, marks: Marks, paths: FloatArray) -> None:  # pragma: no cover
     """Fit the guide's offset to the known markers; shift the path of its readings by the change."""
     guide, filled = run.guide, run.path_filled
-    if guide.belief != BY_READINGS or not marks.known[0]:
+    if guide.laid_by != BY_READINGS or not marks.known[0]:
         return
     product, square = 0.0, (LAY_SIGMA / OFFSET_SIGMA) ** 2
     for n in range(1, marks.known.size):
@@ -274,15 +274,15 @@ def fit_offset(setup: Setup, run: Run, marks: Marks, paths: FloatArray) -> None:
 def judge_guide(
     setup: Setup, run: Run, marks: Marks, paths: FloatArray
 ) -> None:  # pragma: no cover
-    """Decide at a frame what the run believes of the guide's readings; paths as in `Tracks`."""
+    """Decide at a frame by what the path is laid; paths as in `Tracks`."""
     guide, filled, angle = run.guide, run.path_filled, run.cylinder.angle
     turned = abs(guide.turned)
-    if guide.belief >= CONTRADICTED or turned < PROOF_ADVANCE:
+    if guide.laid_by >= CONTRADICTED or turned < PROOF_ADVANCE:
         return
     feed = setup.advance_per_radian
     most = max(abs(feed), setup.body.cable_radius / math.pi) * turned * MOST_SCALE
     if abs(guide.travel) > most:
-        _believe(guide, IMPOSSIBLE, angle)
+        _lay_by(guide, IMPOSSIBLE, angle)
         return
     expected = feed * guide.turned
     # In a turn or more; beyond that the markers decide.
@@ -296,21 +296,21 @@ def judge_guide(
         by_readings = _off_path(setup, guide, marks, paths, filled, 0, last)
         by_feed = _off_path(setup, guide, marks, paths, filled, 1, last)
         if by_readings > by_feed + LAY_SIGMA:
-            _believe(guide, CONTRADICTED, angle)
+            _lay_by(guide, CONTRADICTED, angle)
             return
-        if by_feed > by_readings + LAY_SIGMA and guide.belief == TRIED:
-            _believe(guide, BY_READINGS, angle)
+        if by_feed > by_readings + LAY_SIGMA and guide.laid_by == TRIED:
+            _lay_by(guide, BY_READINGS, angle)
             return
     due = overdue(setup, marks, last) + setup.usable_azimuth
     missing = last < marks.known.size - 1 and angle > due
     if missing and angle > guide.since + math.tau:
-        _believe(guide, BY_READINGS if guide.belief == TRIED else TRIED, angle)
+        _lay_by(guide, BY_READINGS if guide.laid_by == TRIED else TRIED, angle)
 
 
 @called
-def _believe(guide: Guide, belief: int, angle: float) -> None:  # pragma: no cover
-    """Take another belief in a guide's readings, decided at a cylinder angle [rad]."""
-    guide.belief = belief
+def _lay_by(guide: Guide, source: int, angle: float) -> None:  # pragma: no cover
+    """Lay the path by another source, decided at a cylinder angle [rad]."""
+    guide.laid_by = source
     guide.since = angle
 
 
