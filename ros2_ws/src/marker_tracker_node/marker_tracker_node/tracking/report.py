@@ -339,8 +339,7 @@ def missing_markers(setup: Setup, state: TrackerState, *, p0_late: bool) -> tupl
     known = np.flatnonzero(marks.known)
     if not (marks.known[0] and marks.weight[0]):
         again = marks.found[0] + math.tau + setup.usable_azimuth
-        late = run.cylinder.angle > again if marks.known[0] else p0_late
-        return (0,) if late else ()
+        return (0,) if (run.cylinder.angle > again if marks.known[0] else p0_late) else ()
     last = int(known[-1])
     # Then the next one is due as well, and this one has come past the camera once more.
     due = overdue(setup, marks, last) + math.tau
