@@ -31,7 +31,7 @@ class Package:
         floor: Of the layers of import-linter, 0 lowest: a package imports those of lower floors.
         script: Console script, with the module whose `main` it calls.
         tests: Folders below tests/ that `colcon test` runs.
-        runs: Packages that are started by name and not imported.
+        runs: Packages that are named as a text: started, or imported where they are installed.
     """
 
     description: str
@@ -41,9 +41,13 @@ class Package:
     runs: tuple[str, ...] = ()
 
 
-def _node(name: str, description: str) -> Package:
+def _node(name: str, description: str, *runs: str) -> Package:
     return Package(
-        description=description, floor=2, script=(name, f"{name}.__main__"), tests=(name,)
+        description=description,
+        floor=2,
+        script=(name, f"{name}.__main__"),
+        tests=(name,),
+        runs=runs,
     )
 
 
@@ -84,7 +88,10 @@ PACKAGES = {
         "winding_plc_driver", "Driver for a winding machine that a PLC runs, over OPC UA."
     ),
     "winding_arm_driver": _node(
-        "winding_arm_driver", "Driver for a winding machine whose guide a robot arm carries."
+        "winding_arm_driver",
+        "Driver for a winding machine whose guide a robot arm carries.",
+        "control_msgs",
+        "tf2_msgs",
     ),
     "winding_supervisor": Package(
         description="Starts the graph's processes, drives their lifecycle, supervises a run.",

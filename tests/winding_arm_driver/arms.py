@@ -7,6 +7,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
+from winding_core.arm.arm_file import ArmMapping, read_mapping
 from winding_core.arm.rigid import FloatArray
 
 # Links d [m], a [m], alpha [rad] of a common six-axis arm.
@@ -19,6 +20,7 @@ LINKS = (
     (0.0996, 0.0, 0.0),
 )
 NAMES = ("pan", "lift", "elbow", "wrist_1", "wrist_2", "wrist_3")
+DEAD_TIME = 0.015  # [s]
 # A pose away from singularities, and where the machine's axis stands seen from the base.
 HOME = np.array([0.3, -1.9, 1.8, -1.4, -1.4, 0.4])
 EYE = [0.0, 0.02, 0.11]
@@ -85,3 +87,12 @@ def mapping_text(folder: Path, joint_speed: float = 3.14, **commands: object) ->
             "commands": {"topic": "arm/command", **commands},
         }
     )
+
+
+def mapping_of(folder: Path, source: str, kind: str) -> ArmMapping:
+    """Write mapping.yaml with a source of the guide and a type of commands; return it."""
+    values = yaml.safe_load(mapping_text(folder, type=kind, ahead_s=DEAD_TIME))
+    values["guide"]["source"] = source
+    file = folder / "mapping.yaml"
+    file.write_text(yaml.safe_dump(values))
+    return read_mapping(file)

@@ -46,8 +46,11 @@ def test_guide_is_read_from_transforms() -> None:
     )
     guided.add_transform("base", "flange", Pose.of([0.5, 0.0, 0.2], QUARTER))
     guided.add_transform("flange", "tool", Pose.of([-0.2, -0.02, 0.0], STRAIGHT))
-    guided.look_up(7, 0.0)
+    guided.look_up({"flange": 6, "tool": 7, "camera": 9}, 0.0)
     guided.add_cylinder(7, 1.0, 0.0)
+    # Of a vehicle, and of the base itself in the cell: the guide stands in the base as before.
+    guided.add_transform("cell", "base", Pose.of([5.0, 0.0, 0.0], STRAIGHT))
+    guided.look_up({"vehicle": 8, "base": 8}, 0.0)
     ((stamp, reading),) = guided.readings(0.0)
     assert stamp == 7
     assert reading.guide is not None

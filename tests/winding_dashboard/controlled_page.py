@@ -122,18 +122,18 @@ def main(port: int, *, standing: bool) -> None:
     state = fresh_state()
     graph = Controlled(state)
     begin = time.monotonic()
-    page = served(state, graph)
+    page = served(state, graph, clock=time.monotonic)
 
     async def stand() -> None:
         while True:
-            phase(state, "idle", ago=0.0)
+            phase(state, "idle", now=time.monotonic())
             await page.session.learn_choice()
             await asyncio.sleep(PERIOD)
 
     async def wind() -> None:
         while True:
-            phase(state, "winding", ago=0.0)
-            wound(state, Condition(duration=60.0))
+            phase(state, "winding", now=time.monotonic())
+            wound(state, Condition(duration=60.0), now=time.monotonic())
             state.control.note_statuses([LAYERS])
             note_run(state, 30.0 + 0.2 * (time.monotonic() - begin), graph.mode)
             state.tick(time.monotonic())

@@ -1,7 +1,6 @@
 """A graph that answers the page as a test wants, and the page's server without a socket."""
 
 import asyncio
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -83,10 +82,13 @@ class Machine:
         return "the machine and its watchers stand at the start of a run"
 
 
+NOW = 100.0  # Wall time of pages without a socket, whatever the computer is busy with [s]
+
+
 class Clock:
     """A clock that goes on as a test sets it [s]."""
 
-    now = 100.0
+    now = NOW
 
     def __call__(self) -> float:
         return self.now
@@ -102,26 +104,33 @@ def fresh_state(reached: str = "") -> ViewState:
 
 
 def phase(
-    state: ViewState, text: str, level: Level = Level.OK, reason: str = "", *, ago: float = 2.0
+    state: ViewState,
+    text: str,
+    level: Level = Level.OK,
+    reason: str = "",
+    *,
+    now: float = NOW - 2.0,
 ) -> None:
-    """Let the machine report its phase, so long ago [s]."""
+    """Let the machine report its phase at a wall time [s]."""
     values = {"phase": text, "reason": reason}
     status = Status(name="winding_rig", level=level, message=text, values=values)
-    state.note_statuses(time.monotonic() - ago, [status])
+    state.note_statuses(now, [status])
 
 
-def wound(state: ViewState, condition: Condition, drum: Drum | None = None) -> None:
-    """Let the solver report what is wound, and on which drum."""
+def wound(
+    state: ViewState, condition: Condition, drum: Drum | None = None, *, now: float = NOW
+) -> None:
+    """Let the solver report what is wound, and on which drum, at a wall time [s]."""
     values = WoundLabel.of(condition.resolved(), drum).values()
     status = Status(name="cable_fem", message="following the machine", values=values)
-    state.health.note(time.monotonic(), [status])
+    state.health.note(now, [status])
 
 
 def served(
     state: ViewState,
     graph: Graph,
     *,
-    clock: Callable[[], float] = time.monotonic,
+    clock: Callable[[], float] = lambda: NOW,
     runs: Path | None = None,
     server: str = "first",
     **limits: float,

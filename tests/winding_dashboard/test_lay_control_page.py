@@ -1,12 +1,11 @@
 """The controller of the lay on the page: what is shown of it, and its switches."""
 
 import math
-import time
 
 import numpy as np
 import pytest
 from controlled_page import Controlled, note_run
-from simulated_page import Desk, fresh_state
+from simulated_page import NOW, Desk, fresh_state
 
 from winding_core.lay.errors import turn_errors, turn_state
 from winding_core.lay.records import LAY_CONTROL_DTYPE, ControlBasis, ControlMode
@@ -183,9 +182,7 @@ def test_leaving_a_machine_that_winds_is_asked_about_first() -> None:
 
 def test_driving_is_asked_about_and_a_standing_machine_is_left_at_once() -> None:
     state = fresh_state("idle")
-    state.note_statuses(
-        time.monotonic(), [Status(name="lay_control", level=Level.OK, values={"mode": "watch"})]
-    )
+    state.note_statuses(NOW, [Status(name="lay_control", level=Level.OK, values={"mode": "watch"})])
     seen = Desk(state, Controlled(state)).look()
     assert seen["ask"]["mode-drive"] == "ask-drive"
     assert seen["ask"]["mode-off"] == ""

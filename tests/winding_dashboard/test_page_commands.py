@@ -1,11 +1,10 @@
 """Requests of the page: commands, preparation of a condition, recordings, and their refusals."""
 
 import math
-import time
 from typing import Any
 
 import pytest
-from simulated_page import OWN_FIELDS, Clock, Desk, Machine, at_desk, form, fresh_state, phase
+from simulated_page import NOW, OWN_FIELDS, Clock, Desk, Machine, at_desk, form, fresh_state, phase
 
 from winding_core.machine.readings import CABLE_TENSION
 from winding_core.status import Level, RunPhase, Status
@@ -17,7 +16,7 @@ from winding_dashboard.web.server import SEEN_WITHIN
 def recorded(state: ViewState, bag: str) -> None:
     values = {"bag": bag, "messages": "12345", "bytes": "67800000", "lost": "0"} if bag else {}
     state.health.note(
-        time.monotonic(),
+        NOW,
         [Status(name="recorder", level=Level.OK, message="recording", values=values)],
     )
 
@@ -42,7 +41,7 @@ def test_recording_ends_with_its_session() -> None:
     recorded(state, "bag-3")
     failure = "the session cannot go on: winding_rig ended with exit code -9"
     state.note_statuses(
-        time.monotonic(),
+        NOW,
         [Status(name="orchestrator: run", message=failure, values={"phase": "failed"})],
     )
     seen = Desk(state).look()
@@ -205,11 +204,11 @@ def test_reason_why_start_is_off_stands_in_words() -> None:
 
 
 def just_begun(state: ViewState) -> None:
-    phase(state, "idle", ago=0.3)
+    phase(state, "idle", now=NOW - 0.3)
 
 
 def silent(state: ViewState) -> None:
-    phase(state, "idle", ago=8.0)
+    phase(state, "idle", now=NOW - 8.0)
 
 
 def unconfigured(state: ViewState) -> None:
@@ -225,8 +224,8 @@ def unanswered(state: ViewState) -> None:
 @pytest.mark.parametrize(
     ("known", "reason"),
     [
-        (lambda _state: None, "nothing is heard of the machine"),
-        (silent, "nothing is heard of the machine"),
+        (lambda _state: None, "no data from the machine"),
+        (silent, "no data from the machine"),
         (just_begun, "the page has just begun to listen"),
         (unconfigured, "cable_fem is unconfigured; wait for it, or prepare the run"),
         (unanswered, "cable_fem has not answered yet"),
@@ -236,8 +235,7 @@ def test_start_is_offered_by_a_page_that_knows_the_present_alone(known: Any, rea
     """As after a restart of the page's process, or of an attached node's."""
     state = fresh_state()
     known(state)
-    moment = time.monotonic()
-    seen = Desk(state, clock=lambda: moment).look()
+    seen = Desk(state).look()
     assert seen["off"]["start"] == reason
     assert seen["off"]["stop"] == seen["off"]["emergency_stop"] == ""
 
@@ -369,7 +367,7 @@ def playing(position: float, *, paused: bool = False) -> ViewState:
     """Return what is known of a recording of 42.5 s that is played at a place [s]."""
     state = fresh_state()
     values = {"position": f"{position}", "length": "42.5", "paused": f"{float(paused)}"}
-    state.note_statuses(time.monotonic(), [Status(name="bag_player: playback", values=values)])
+    state.note_statuses(NOW, [Status(name="bag_player: playback", values=values)])
     state.player = "bag_player"
     return state
 

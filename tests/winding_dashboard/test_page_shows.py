@@ -2,13 +2,12 @@
 
 import asyncio
 import math
-import time
 from typing import Any
 
 import numpy as np
 import pytest
 from controlled_page import note_run
-from simulated_page import NODES, Clock, Desk, Machine, fresh_state, phase, served, wound
+from simulated_page import NODES, NOW, Clock, Desk, Machine, fresh_state, phase, served, wound
 
 from winding_core.cable.condition import Condition
 from winding_core.cable.material_report import MaterialReport
@@ -141,7 +140,7 @@ def test_limit_that_an_operator_sets_holds_from_then_on() -> None:
 def concluded(state: ViewState, verdict: str, *sentences: str) -> None:
     """Let the orchestrator report how the run came out, as it does again and again."""
     values = {"verdict": verdict, "sentences": "\n".join(sentences)} if verdict else {}
-    state.note_statuses(time.monotonic(), [Status(name="orchestrator: outcome", values=values)])
+    state.note_statuses(NOW, [Status(name="orchestrator: outcome", values=values)])
 
 
 @pytest.mark.parametrize(
@@ -219,7 +218,7 @@ def test_silent_encoders_are_neither_winding_nor_ready() -> None:
     for now in (0.0, 2.0):
         state.tick(now)
     band = Desk(state).look()["parts"]["band"]
-    assert "the encoders are silent; last heard 1.74 rad/s" in band
+    assert "the encoders are silent; last reading 1.74 rad/s" in band
     assert "WINDING" not in band
     assert "READY" not in band
 

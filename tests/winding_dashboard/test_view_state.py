@@ -43,7 +43,7 @@ def test_node_that_stops_talking_is_stale() -> None:
 
 
 def test_node_that_was_never_heard_has_its_row() -> None:
-    assert Health(["rig"]).rows(0.0)[0].message == "not heard yet"
+    assert Health(["rig"]).rows(0.0)[0].message == "no report yet"
 
 
 def test_names_of_foreign_requests_cannot_grow_without_end() -> None:

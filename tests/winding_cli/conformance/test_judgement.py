@@ -154,6 +154,18 @@ def test_the_cameras_clock_is_a_number_with_its_uncertainty(
     assert ("--camera-clock-correction" in clock.measured) is not kept
 
 
+@pytest.mark.parametrize("first", [0, 1, 2], ids="without {} frames".format)
+def test_a_film_at_a_fifth_of_its_speed_has_one_clock(first: int) -> None:
+    t = 0.04 * np.arange(11)
+    late = np.random.default_rng(5).exponential(2.0e-3, (2, len(t)))
+    joints, frames = (Heard(stamps=list(t), arrived=list(100.0 + 5.0 * t + e)) for e in late)
+    frames = Heard(stamps=frames.stamps[first:], arrived=frames.arrived[first:])
+    lead = camera_lead(frames, joints)
+    assert lead is not None
+    # Messages wait for 2 ms in the mean, which are 0.4 ms of the film.
+    assert abs(lead.least) <= 1.0e-3
+
+
 def test_running_and_standing_leave_a_gap_between_them() -> None:
     assert runs((0.0, 1.0, 0.0, 3.0e-3), RUNNING)
     assert stands((0.0, 0.01, 0.0, 1.0e-5), RUNNING)

@@ -136,15 +136,24 @@ class Guided:
         """Take where a child frame stands in its parent."""
         self._frames.add(parent, child, pose)
 
-    def look_up(self, stamp_ns: int, now: float) -> None:
+    def look_up(self, stamps_ns: Mapping[str, int], now: float) -> None:
         """Take the tip where the newest transforms have it.
+
+        Args:
+            stamps_ns: Of the frames that have just been moved; where none of them joins base and
+                tip, as where others publish on the same topic, the guide was not reported.
+            now: Monotonic time [s].
 
         Raises:
             ValueError: The transforms lead in a circle.
         """
-        tip = self._frames.between(self._mapping.guide.base, self._mapping.guide.tip)
-        if tip is not None:
-            self.add_tip(stamp_ns, tip, now)
+        base, tip = self._mapping.guide.base, self._mapping.guide.tip
+        # Ancestors of both have no part in where one stands in the other.
+        joining = {*self._frames.chain(base)} ^ {*self._frames.chain(tip)}
+        moved = [stamp for frame, stamp in stamps_ns.items() if frame in joining]
+        pose = self._frames.between(base, tip)
+        if moved and pose is not None:
+            self.add_tip(max(moved), pose, now)
 
     def readings(self, now: float) -> list[tuple[int, AxisReading]]:
         """Return stamps [ns] and readings that are complete at a monotonic time [s].

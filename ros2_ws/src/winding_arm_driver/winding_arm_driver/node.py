@@ -1,6 +1,5 @@
 """ROS side of the driver: cylinder, arm and targets in; joint states and commands out."""
 
-import importlib
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -17,7 +16,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from winding_arm_driver.guide import WAIT, Guided
 from winding_arm_driver.leading import Led
+from winding_arm_driver.ros.foreign_interfaces import TrajectoryGoals, interface
 from winding_core.arm.arm_file import (
+    ACTION,
     JOINTS,
     NONE,
     POSE,
@@ -26,7 +27,6 @@ from winding_core.arm.arm_file import (
     TRAJECTORY,
     TWIST,
     ArmMapping,
-    MappingError,
 )
 from winding_core.arm.rigid import Pose
 from winding_core.status import Level, Status
@@ -56,7 +56,7 @@ class ArmDriverNode(Node):  # type: ignore[misc]
     """Plain node: publishes rig/joint_states, the arm's commands and /diagnostics.
 
     Raises:
-        MappingError: TF is to be read and its message type is not installed.
+        MappingError: TF is to be read or an action called, and its interfaces are not installed.
         ArmError: The arm's description cannot be used.
     """
 
@@ -80,7 +80,11 @@ class ArmDriverNode(Node):  # type: ignore[misc]
         elif guide.source == POSE:
             self._listen(PoseStamped, guide.topic, self._pose)
         if commands.type != NONE:
-            self._commands = self.create_publisher(_COMMANDS[commands.type], commands.topic, 1)
+            self._commands = (
+                TrajectoryGoals(self, commands.topic, time.monotonic, self._refuse)
+                if commands.type == ACTION
+                else self.create_publisher(_COMMANDS[commands.type], commands.topic, 1)
+            )
             self._listen(topics.JOINT_TARGETS.type, topics.JOINT_TARGETS.name, self._target, 1)
             self._stop = self.create_client(services.STOP.type, services.STOP.name)
             self.create_timer(1.0 / commands.rate_hz, self._lead)
@@ -96,20 +100,19 @@ class ArmDriverNode(Node):  # type: ignore[misc]
             try:
                 take(message)
             except (MessageError, ValueError) as error:
-                known = str(error) in self._refused or len(self._refused) < _MOST_REASONS
-                self._refused[str(error) if known else "refused for other reasons"] += 1
+                self._refuse(str(error))
             self._publish()
 
         self.create_subscription(type_, topic, taken, qos)
 
+    def _refuse(self, reason: str) -> None:
+        known = reason in self._refused or len(self._refused) < _MOST_REASONS
+        self._refused[reason if known else "refused for other reasons"] += 1
+
     def _listen_to_tf(self) -> None:
-        try:
-            type_ = importlib.import_module("tf2_msgs.msg").TFMessage
-        except ImportError:
-            raise MappingError(
-                "source tf needs the messages of tf2_msgs, which are not installed (on ROS 2 "
-                "Jazzy: ros-jazzy-tf2-msgs); take source pose or joints"
-            ) from None
+        type_ = interface(
+            "tf2_msgs", "msg", "TFMessage", needing="source tf", otherwise="source pose or joints"
+        )
         latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._listen(type_, "/tf", self._transforms)
         self._listen(type_, "/tf_static", self._static, latched)
@@ -145,8 +148,8 @@ class ArmDriverNode(Node):  # type: ignore[misc]
 
     def _transforms(self, message: Any) -> None:
         self._static(message)
-        newest = max(_stamp_ns(item.header.stamp) for item in message.transforms)
-        self._guided.look_up(newest, time.monotonic())
+        stamps = {item.child_frame_id: _stamp_ns(item.header.stamp) for item in message.transforms}
+        self._guided.look_up(stamps, time.monotonic())
 
     def _target(self, message: JointState) -> None:
         _, targets = decode_targets(message)

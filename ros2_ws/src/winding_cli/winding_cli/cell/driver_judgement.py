@@ -178,19 +178,32 @@ def camera_lead(images: Heard, encoder: Heard) -> CameraLead | None:
 
     Of each topic the quickest messages count: the others have waited. An encoder whose messages
     arrive soon after their stamps stamps by the system's clock, and the camera is held against
-    that; otherwise against the encoder's quickest messages.
+    that; otherwise against the encoder's quickest messages, at the pace of its clock: a film or
+    a simulation may be slower than the system's.
     """
     if min(len(images.arrived), len(encoder.arrived)) < 3:
         return None
-    camera, reference = (
-        float(np.percentile(np.subtract(heard.arrived, heard.stamps), 5.0))
-        for heard in (images, encoder)
+    late = float(np.percentile(np.subtract(encoder.arrived, encoder.stamps), 5.0))
+    if 0.0 <= late < CLOCK_TOLERANCE_S:
+        least = -float(np.percentile(np.subtract(images.arrived, images.stamps), 5.0))
+    else:
+        pace, origin = _pace(encoder), encoder.stamps[0]
+        reference, camera = (
+            np.percentile(np.asarray(heard.arrived) - pace * (np.asarray(heard.stamps) - origin), 5)
+            for heard in (encoder, images)
+        )
+        least = float(reference - camera) / pace
+    return CameraLead(least=least, period=float(np.median(np.abs(np.diff(images.stamps)))))
+
+
+def _pace(heard: Heard) -> float:
+    """Return how much of the system's time passes in a second of the stamps [s/s]."""
+    third = max(len(heard.stamps) // 3, 1)
+    arrived, stamps = (
+        float(np.median(times[-third:]) - np.median(times[:third]))
+        for times in (heard.arrived, heard.stamps)
     )
-    if 0.0 <= reference < CLOCK_TOLERANCE_S:
-        reference = 0.0
-    return CameraLead(
-        least=reference - camera, period=float(np.median(np.abs(np.diff(images.stamps))))
-    )
+    return arrived / stamps if stamps > 0.0 < arrived else 1.0
 
 
 def judge_clock(streams: Sequence[Heard]) -> Finding:

@@ -54,7 +54,7 @@ _BELIEFS = (
     Shown("identified by the markers", lambda belief: "yes" if belief.observed else "no"),
 )
 # What `rig_record` has of each number.
-_RECORDED = ("mean", "deviation", "low", "high", "prior_deviation", "half_width_90")
+_RECORDED = ("mean", "deviation", "low", "high", "prior_deviation", "half_width_90", "observed")
 
 
 def print_modulus(console: Console, estimate: ModulusEstimate) -> dict[str, Any]:
@@ -165,7 +165,7 @@ def rig_record(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> dict[str,
     """Return the posterior as JSON, SI units."""
     return {
         "rig": {
-            name: {key: getattr(belief, key) for key in _RECORDED} | {"told": belief.observed}
+            name: {key: getattr(belief, key) for key in _RECORDED}
             for name, belief in posterior.beliefs.items()
         },
         "names": list(posterior.names),

@@ -13,6 +13,9 @@ from winding_core.yaml_text import YamlTextError, load_yaml
 
 JOINTS, POSE, TF = "joints", "pose", "tf"
 NONE, TWIST, TRAJECTORY, POSITIONS = "none", "twist", "trajectory", "positions"
+ACTION = "action"
+# What commands joints, and so needs the arm's kinematics.
+_OF_JOINTS = (TRAJECTORY, POSITIONS, ACTION)
 _SECTIONS = ("cylinder", "guide", "winder_axis", "commands", "path")
 Section = TypeVar("Section")
 
@@ -74,10 +77,11 @@ class Commands:
     type: str = parameter(
         NONE,
         "geometry_msgs/PoseStamped or TwistStamped, trajectory_msgs/JointTrajectory, or "
-        "std_msgs/Float64MultiArray of joint positions",
-        choices=(NONE, POSE, TWIST, TRAJECTORY, POSITIONS),
+        "std_msgs/Float64MultiArray of joint positions, or goals of a control_msgs/"
+        "FollowJointTrajectory",
+        choices=(NONE, POSE, TWIST, TRAJECTORY, POSITIONS, ACTION),
     )
-    topic: str = parameter("arm/command", "topic of the commands")
+    topic: str = parameter("arm/command", "topic of the commands, or name of the action")
     rate_hz: float = parameter(125.0, "commands per second", None, 10.0, 1000.0)
     ahead_s: float = parameter(
         0.0, "dead time of the arm, by which commands go ahead", None, 0.0, 0.5
@@ -155,10 +159,10 @@ def parse_mapping(text: str, folder: Path) -> ArmMapping:
     guide, commands = mapping.guide, mapping.commands
     if mapping.cylinder.scale == 0.0:
         raise MappingError("scale of cylinder must not be 0")
-    joints = guide.source == JOINTS or commands.type in (TRAJECTORY, POSITIONS)
+    joints = guide.source == JOINTS or commands.type in _OF_JOINTS
     if joints and not guide.urdf:
         raise MappingError("source joints and joint commands need the arm's urdf")
-    if commands.type in (TRAJECTORY, POSITIONS) and guide.source != JOINTS:
+    if commands.type in _OF_JOINTS and guide.source != JOINTS:
         raise MappingError(
             f"commands of type {commands.type} need source joints, got source {guide.source}"
         )

@@ -116,7 +116,7 @@ function tellAge() {
   const old = shown.sequence >= 0 && 1000 * age > OLD;
   document.body.classList.toggle("old", old);
   byId("age").hidden = !old;
-  const why = lost ? "the page's server does not answer" : "nothing is heard of the machine";
+  const why = lost ? "the page's server does not answer" : "no data from the machine";
   const text = old ? `What stands here is ${age.toFixed(0)} s old: ${why}` : "";
   if (byId("age").textContent !== text) byId("age").textContent = text;
 }

@@ -56,7 +56,7 @@ def _state(state: ViewState, now: float, preparing: str) -> tuple[str, str, str]
     if state.run_phase is RunPhase.FAILED:
         return "FAILED", state.health.message(STATUS) or "the session cannot go on", "alarm"
     if not state.heard(now):
-        return "NO DATA", "nothing heard of the machine", "alarm"
+        return "NO DATA", "no data from the machine", "alarm"
     if preparing:
         return "PREPARING", preparing, "stopped"
     down = state.health.down(now)
@@ -70,7 +70,7 @@ def _state(state: ViewState, now: float, preparing: str) -> tuple[str, str, str]
     if turns:
         return "WINDING", _speed(state), "winding"
     if state.moving and not state.phase:
-        return "NO DATA", f"the encoders are silent; last heard {_speed(state)}", "alarm"
+        return "NO DATA", f"the encoders are silent; last reading {_speed(state)}", "alarm"
     if state.run_phase is RunPhase.OVER:
         return "STOPPED", "the run is over", "stopped"
     if state.run_time > 0.0:

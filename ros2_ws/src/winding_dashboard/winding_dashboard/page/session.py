@@ -206,7 +206,7 @@ class OperatorSession:
         if self.preparing:
             return "another run is being prepared"
         if not state.heard(now):
-            return "nothing is heard of the machine"
+            return "no data from the machine"
         if now - health.first_heard < _LISTENED:
             return "the page has just begun to listen"
         if down := next(iter(health.down(now).values()), ""):

@@ -141,7 +141,7 @@ class Health:
             message = "; ".join(messages) or "ok"
         else:
             level = Level.STALE
-            message = f"silent for {silent:.0f} s" if reports else "not heard yet"
+            message = f"silent for {silent:.0f} s" if reports else "no report yet"
         return NodeHealth(
             name=name, lifecycle=self.lifecycle.get(name, ""), level=level, message=message
         )

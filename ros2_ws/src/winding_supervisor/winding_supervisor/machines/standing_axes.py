@@ -71,7 +71,7 @@ def _why_not(
     name = topics.JOINT_STATES.name
     if buffer.last(topics.JOINT_STATES) is None:
         return (
-            f"no driver is heard on {node.resolve_topic_name(name)} for {PATIENCE:g} s; start it, "
+            f"no driver publishes on {node.resolve_topic_name(name)} for {PATIENCE:g} s; start it, "
             "or see `winding conform`"
         )
     heard = buffer.messages[name].newest(_NAMED)

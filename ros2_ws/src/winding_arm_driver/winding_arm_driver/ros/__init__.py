@@ -1,0 +1,1 @@
+"""ROS sides that need interfaces of their own."""
