@@ -190,6 +190,7 @@ def test_inner_corners_given_as_squares_are_named(more, marker):
         # 1 + 7 k3 r^6 = 0, at 0.516 and 0.453 focal lengths.
         pytest.param(0.0, 0.0, -3.0, False, id="grows up to the corner"),
         pytest.param(0.0, 0.0, -6.6, True, id="folds before it"),
+        pytest.param(0.0, 0.0, -5.0e-324, False, id="as good as straight"),
         pytest.param(-1.6, 0.0, 0.0, True, id="barrel"),
         pytest.param(0.6, 0.3, 0.2, False, id="pincushion"),
     ],

@@ -179,11 +179,13 @@ class PinholeCamera:
         The radial part r (1 + k1 r^2 + k2 r^4 + k3 r^6) of plumb_bob grows with r only up to there.
         """
         k1, k2, k3 = (float(self.d[k]) for k in (0, 1, 4))
-        turns = np.roots([7.0 * k3, 5.0 * k2, 3.0 * k1, 1.0])
-        squares = turns.real[(np.abs(turns.imag) < 1.0e-9) & (turns.real > 0.0)]
-        if squares.size == 0:
+        # Of the inverse square: the first coefficient is then one, however small the others are.
+        turns = np.roots([1.0, 3.0 * k1, 5.0 * k2, 7.0 * k3])
+        inverse = turns.real[np.abs(turns.imag) < 1.0e-9 * turns.real]
+        # No picture reaches a thousand focal lengths.
+        if inverse.max(initial=0.0) < 1.0e-6:
             return math.inf
-        q = float(squares.min())
+        q = 1.0 / float(inverse.max())
         return math.sqrt(q) * (1.0 + q * (k1 + q * (k2 + q * k3)))
 
     def _require_invertible(self) -> None:
