@@ -113,6 +113,14 @@ def test_a_pull_slips_where_it_changes_faster_than_friction_holds() -> None:
     assert smooth[12] > rough[12]
 
 
+def test_a_slow_way_and_a_step_tell_more_than_steps_alone() -> None:
+    names = ["in three steps down", "rising late, then low"]
+    rows = {row.motion.name: row for row in ranked(CONFIG, [MOTIONS[x] for x in names], CELL)}
+    steps, both = (rows[name] for name in names)
+    assert both.gain > steps.gain
+    assert both.share["law_share"] < 0.5 * steps.share["law_share"]
+
+
 def test_many_cables_lie_as_each_of_them_does_alone() -> None:
     lay = laid(MOTIONS["falling"])
     shares = np.array([0.03, 0.33, 0.57])

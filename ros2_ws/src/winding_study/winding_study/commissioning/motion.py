@@ -193,26 +193,33 @@ def _pulls(
     if reach.pulls is None:
         return
     low, high = reach.pulls
-    middle = math.sqrt(low * high)
-    half, third, quarter = end / 2.0, end / 3.0, end / 4.0
-    levels = {
-        "low, then high": ((low, half), (high, end)),
-        "high, then low": ((high, half), (low, end)),
-        "in three steps up": ((low, third), (middle, 2.0 * third), (high, end)),
-        "in three steps down": ((high, third), (middle, 2.0 * third), (low, end)),
-        "low, high, low, high": (
-            (low, quarter), (high, 2.0 * quarter), (low, 3.0 * quarter), (high, end),
+    weight, middle = reach.weight, math.sqrt(low * high)
+    # Corners: share of the whole angle, and the pull there; before the first the weight pulls. A
+    # step makes cable slip and tells friction, a slow way every stretch of the law between.
+    courses = {
+        "low, then high": ((0.0, low), (0.5, low), (0.5, high)),
+        "high, then low": ((0.0, high), (0.5, high), (0.5, low)),
+        "in three steps up": (
+            (0.0, low), (1 / 3, low), (1 / 3, middle), (2 / 3, middle), (2 / 3, high),
         ),
+        "in three steps down": (
+            (0.0, high), (1 / 3, high), (1 / 3, middle), (2 / 3, middle), (2 / 3, low),
+        ),
+        "rising": ((0.0, low), (1.0, high)),
+        "falling": ((0.0, high), (1.0, low)),
+        "rising late, then low": ((0.4, weight), (0.8, high), (0.8, low)),
+        "rising late, then the weight's": ((0.3, weight), (0.3, low), (0.8, high), (0.8, weight)),
+        "falling late, then high": ((0.3, weight), (0.3, high), (0.8, low), (0.8, high)),
+        "falling late, then the weight's": ((0.3, weight), (0.3, high), (0.8, low), (0.8, weight)),
+        "rising, low and rising": ((0.0, low), (0.5, high), (0.5, low), (1.0, high)),
     }  # fmt: skip
-    for name, parts in levels.items():
-        angles, pulls, begin = [0.0], [reach.weight], 0.0
-        for level, until in parts:
-            angles.append(begin + _STEP_WAY)
-            pulls.append(level)
-            angles.append(until)
-            pulls.append(level)
-            begin = until
+    for name, corners in courses.items():
+        angles, pulls = [0.0], [weight]
+        for share, pull in corners:
+            # A step begins where the corner before it is.
+            angles.append(max(share * end, angles[-1] + _STEP_WAY))
+            pulls.append(pull)
+        if angles[-1] < end:
+            angles.append(end)
+            pulls.append(pulls[-1])
         yield name, tuple(angles), tuple(pulls)
-    # Before the first command the weight pulls.
-    yield "rising", (0.0, _STEP_WAY, end), (reach.weight, low, high)
-    yield "falling", (0.0, _STEP_WAY, end), (reach.weight, high, low)

@@ -233,15 +233,23 @@ def study_text(cells: list[CommissionedCell], refused: list[int]) -> str:
         ]
         inside_all += inside
         share = [one.deviation / one.prior_deviation for one in found]
+        # A tension that is steady beyond doubt has a start share without a deviation.
+        off = [
+            (cell.hidden[name] - one.mean) / one.deviation
+            for cell, one in zip(cells, found, strict=True)
+            if one.deviation > 0.0
+        ] or [0.0]
         line = (
-            f"{name:16s} inside 90 %: {np.mean(inside):.1%}; deviation over the prior's: median "
+            f"{name:16s} inside 90 %: {sum(inside)} of {len(inside)}; errors in deviations: mean "
+            f"{np.mean(off):.2f}, root mean square {np.sqrt(np.mean(np.square(off))):.2f}, at most "
+            f"{np.max(np.abs(off)):.1f}; deviation over the prior's: median "
             f"{np.median(share):.3f}; unobservable in "
             f"{np.mean([not one.observed for one in found]):.0%}"
         )
         ratio = [
             one.half_width_90 / cell.plain.beliefs[name].half_width_90
             for cell, one in zip(cells, found, strict=True)
-            if cell.plain is not None
+            if cell.plain is not None and cell.plain.beliefs[name].half_width_90 > 0.0
         ]
         if ratio:
             line += (
