@@ -6,7 +6,7 @@ TORCH_INDEX ?=
 ARGS ?=
 # What a run needs, and what tests and training need beside it.
 EXTRAS := ros
-FURTHER := $(EXTRAS),dashboard,tables,train,cluster,opcua,arm,interfaces,docs,dev
+FURTHER := $(EXTRAS),dashboard,tables,train,cluster,opcua,arm,docs,dev
 # The environment's folder: one for each Python that is to stay beside others.
 VENV ?= .venv
 BIN := $(VENV)/bin
