@@ -48,7 +48,7 @@ class FrameSource:
             path: Video file, folder of pictures, or bag.
             fps: Frames per second of the camera [1/s]. It takes the place of a video's own times,
                 and is needed for pictures without any.
-            reader: Knows how the camera's pixels are to be read; None to believe the recording.
+            reader: Knows how the camera's pixels are to be read; None: as recorded.
 
         Raises:
             RecordingError: The rate is not positive and finite.

@@ -316,7 +316,7 @@ class TrackedRecording:
             "offset_s": estimate.offset if measured else None,
             "error_s": known(estimate.error),
             "corrected": self.clock.applied,
-            "said": [text for text in (self.clock.refusal, self.clock.warning) if text],
+            "remarks": [text for text in (self.clock.refusal, self.clock.warning) if text],
         }
 
     def _lay_record(self) -> dict[str, Any] | None:
