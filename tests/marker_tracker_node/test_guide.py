@@ -9,7 +9,7 @@ from marker_film import DRIVE, FREE_LENGTH, GRID, TURN, Film, dark_where, encode
 
 from winding_core.cable.cases import Case, paper_case
 from winding_core.markers import MarkerFlag
-from winding_rig_node.camera import CameraConfig, Renderer, Scene, SensorNoise
+from winding_rig_node.camera import CameraConfig, Renderer, SensorNoise
 from winding_rig_node.camera.shown_lay import GrowingLay
 from winding_rig_node.lay.driven_lay import DrivenLay
 from winding_rig_node.lay.lay_on import HiddenRig
@@ -253,16 +253,7 @@ def driven(case, seed, guide, samples=20_001, period=PERIOD):
         lay.advance(angle, carriage, pulled(angle, case.weight))
         if sample % period:
             continue
-        seen = shown.at(carriage, lay.view())
-        scene = Scene(
-            cylinder_radius=case.cylinder_radius,
-            cable_radius=case.cable_radius,
-            cylinder_angle=angle,
-            path=seen.path,
-            marker_theta=seen.marker_theta,
-            guide_z=seen.guide_z,
-            free_length=seen.free_length,
-        )
+        scene = shown.at(carriage, lay.view()).scene(case, angle)
         picture = partial(renderer.render, scene, rng)
         yield 1.0e-3 * sample, encoder(angle), carriage, lay, picture
 

@@ -204,15 +204,7 @@ def test_it_is_drawn_as_a_path_that_is_known(route: tuple[float, ...]) -> None:
     known = CablePath(theta=table.theta, z=table.z)
     pictures = []
     for path in (seen.path, known):
-        made = Scene(
-            cylinder_radius=CASE.cylinder_radius,
-            cable_radius=CASE.cable_radius,
-            cylinder_angle=lay.wound_angle,
-            path=path,
-            marker_theta=seen.marker_theta,
-            guide_z=seen.guide_z,
-            free_length=seen.free_length,
-        )
+        made = seen._replace(path=path).scene(CASE, lay.wound_angle)
         pictures.append(Renderer(CameraConfig()).render(made, np.random.default_rng(0)))
     np.testing.assert_array_equal(*pictures)
 

@@ -13,7 +13,6 @@ from winding_core.lay.layers import WoundDrum
 from winding_core.machine.drum import Drum
 from winding_rig_node.camera.config import CameraConfig
 from winding_rig_node.camera.renderer import Renderer
-from winding_rig_node.camera.scene import Scene
 from winding_rig_node.camera.shown_lay import GrowingLay
 from winding_rig_node.lay.driven_lay import DrivenLay, LaidTurns
 from winding_rig_node.lay.lay_on import GRID_STEP, HiddenRig
@@ -180,23 +179,15 @@ def test_the_truth_names_turn_and_layer_of_every_place() -> None:
 def test_upper_layers_hide_lower_ones_in_the_picture() -> None:
     lay = driven(wound("orthocyclic", 1.05))
     view = lay.view()
-    shown = GrowingLay(view, lifted=True).at(view.eye, None)
+    seen = GrowingLay(view, lifted=True).at(view.eye, None)
     # A band on the first layer that upper ones cover, and one on the newest layer, both in front.
     angle = view.theta
     buried = angle - TURN * round((angle - 3.5 * TURN) / TURN)
     marks = np.array([0.0, buried, angle - TURN])
-    scene = Scene(
-        cylinder_radius=CASE.cylinder_radius,
-        cable_radius=CASE.cable_radius,
-        cylinder_angle=angle,
-        path=shown.path,
-        marker_theta=marks,
-        guide_z=shown.guide_z,
-        free_length=shown.free_length,
-    )
+    scene = seen._replace(marker_theta=marks).scene(CASE, angle)
     bands = Renderer(CameraConfig()).visible_bands(scene)
     assert bands["area"][1] == 0.0
     assert bands["area"][2] > 0.0
     # Nearer cable is larger: its centre stands where its own radius puts it.
-    lifted = float(shown.path.lifted(marks[2:])[0])
+    lifted = float(seen.path.lifted(marks[2:])[0])
     assert lifted == pytest.approx(math.sqrt(3.0) * D, abs=0.15 * D)

@@ -51,12 +51,13 @@ class Band(NamedTuple):
     high: float = math.pi  # The same on the +z side [rad]
     below: float = math.inf  # Distance of the turn on the -z side [m]
     above: float = math.inf  # Distance of the turn on the +z side [m]
+    lift: float = 0.0  # How high it lies on other turns [m]
 
 
 @called
 def band_of(row: FloatArray) -> Band:  # pragma: no cover
-    """Return the band whose fields a row holds, shape (7,)."""
-    return Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6])
+    """Return the band whose fields a row holds, shape (8,)."""
+    return Band(row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7])
 
 
 class Section(NamedTuple):
@@ -137,7 +138,7 @@ def band_centroid(
     view: CameraView, body: Body, band: Band
 ) -> tuple[float, float, float]:  # pragma: no cover
     """Return plane coordinates of the visible centroid of a band and its area on the plane."""
-    rho, r, half = body.rho, body.cable_radius, body.half_band
+    rho, r, half = body.rho + band.lift, body.cable_radius, body.half_band
     azimuth, slope = band.azimuth, band.slope
     norm = math.hypot(rho, slope)
     # psi runs from the outward normal e towards b = t x e, which points to +z.
@@ -219,22 +220,20 @@ def solve_seen_band(
     The offset between centroid and centre line changes slowly, so a fixed point on it converges;
     from the second step on the secant of the last two takes the place of its slope.
     """
-    azimuth, z = start.azimuth, start.z
+    azimuth, z, rho = start.azimuth, start.z, body.rho + start.lift
     a, b = measured
     seen_a, seen_b = seen
     step, before = 0.0, 0.0
     for k in range(SOLVE_STEPS):
         if k > 0:
             seen_a, seen_b, _area = band_centroid(view, body, moved_band(start, azimuth, z))
-        section = section_at(body.rho, azimuth, z)
+        section = section_at(rho, azimuth, z)
         line_a, line_b, _depth = plane_of_point(view, section.x, section.y, z)
-        found, height = _back_project(
-            view, body.rho, a - seen_a + line_a, b - seen_b + line_b, azimuth
-        )
+        found, height = _back_project(view, rho, a - seen_a + line_a, b - seen_b + line_b, azimuth)
         if not math.isfinite(found):
             return math.nan, math.nan
         off = found - azimuth
-        change = abs(off) + abs(height - z) / body.rho
+        change = abs(off) + abs(height - z) / rho
         z = height
         if change < SOLVE_TOLERANCE:
             return found, z
@@ -247,7 +246,7 @@ def solve_seen_band(
 @called
 def moved_band(band: Band, azimuth: float, z: float) -> Band:  # pragma: no cover
     """Return a band with the same turns beside it at another azimuth [rad] and z [m]."""
-    return Band(azimuth, z, band.slope, band.low, band.high, band.below, band.above)
+    return Band(azimuth, z, band.slope, band.low, band.high, band.below, band.above, band.lift)
 
 
 @called

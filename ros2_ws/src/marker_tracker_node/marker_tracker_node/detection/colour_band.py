@@ -147,7 +147,7 @@ def _draw(
     view: CameraView, body: Body, band: Band, gates: Gates, n: int, outline: FloatArray
 ) -> None:  # pragma: no cover
     """Write the edges of the visible side of a band, in the coordinates of its gate [px]."""
-    rho, r, half = body.rho, body.cable_radius, body.half_band
+    rho, r, half = body.rho + band.lift, body.cable_radius, body.half_band
     norm = math.hypot(rho, band.slope)
     x, y, z, ex, ey = section_at(rho, band.azimuth, band.z)
     vx, vy, vz = view.x - x, view.y - y, view.z - z

@@ -11,9 +11,9 @@ from winding_core.compiling import called
 # Places in `Picture.tables`; the colours of markers follow.
 UNKNOWN, ANY, FIRST_COLOUR = range(3)
 TABLE_SIZE = 32**3
-# What comes of looking for a mark; HIDDEN until it has been measured, PARTLY where light hides a
-# part of it, COVERED where the cable that is about to land hangs before it.
-OUT_OF_SIGHT, CLIPPED, HIDDEN, MEASURED, PARTLY, COVERED = range(6)
+# What comes of looking for a mark; COVERED where cable that is about to land or has landed later
+# is before it, HIDDEN until it has been measured, PARTLY where light hides a part of it.
+OUT_OF_SIGHT, COVERED, CLIPPED, HIDDEN, MEASURED, PARTLY = range(6)
 NO_IDENTITY = -1  # Of a detector that cannot know which marker it measures
 
 

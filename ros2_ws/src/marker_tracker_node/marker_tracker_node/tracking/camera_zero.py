@@ -35,6 +35,8 @@ PASS_EVENNESS, MOST_PASSES = 0.1, 3
 # It counts if it shows the turn so well, and replaces frames at rest that it contradicts [rad].
 PASS_SIGMA, CONTRADICTION = 1.0e-3, 1.5e-3
 _TILTS = range(TILT, ROLL)
+# Of a band beside which no turn lies.
+_ALONE = Band(0.0, 0.0, 0.0)[5:]
 # P0 is sought, and its pass seen, in frames so far apart [rad].
 LOOK_STEP = 0.1 * PROOF_ADVANCE
 
@@ -151,8 +153,8 @@ class CameraZero:
         count, angle = len(rows), rows[:, :1]
         problem = Problem(
             Seen(
-                # The cylinder's angle serves as time.
-                rows=np.hstack([np.zeros((count, 2)), angle, rows, np.full((count, 2), math.inf)]),
+                # The cylinder's angle serves as time; no turn lies beside P0 yet.
+                rows=np.hstack([np.zeros((count, 2)), angle, rows, np.tile(_ALONE, (count, 1))]),
                 motion=np.repeat([angle.min(axis=0), angle.max(axis=0) + 1.0], 2, axis=1),
                 area=math.nan,
                 zeroed=False,

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
+from marker_tracker_node.detection.band import Band
 from marker_tracker_node.tracking.encoder_history import HALF_SPAN, INTERPOLATED
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.numbers import COUNT, SCALE, TIMES
@@ -29,7 +30,7 @@ from winding_core.units import MILLIMETRE, MILLIRADIAN
 
 # Readings of which the speed is taken, as of the encoder's own.
 _SPEED_ROWS = round(2.0 * HALF_SPAN / INTERPOLATED)
-_BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above")
+_BAND = ("azimuth", "seen_height", "slope", "low", "high", "below", "above", "lift")
 
 
 def turned(marks: Marks, errors: FloatArray, setups: tuple[Setup, Setup]) -> Correction:
@@ -39,7 +40,7 @@ def turned(marks: Marks, errors: FloatArray, setups: tuple[Setup, Setup]) -> Cor
     new one.
     """
     known = np.flatnonzero(marks.known)
-    bands = np.tile([0.0, 0.0, 0.0, -math.pi, math.pi, math.inf, math.inf], (known.size, 1))
+    bands = np.tile(Band(0.0, 0.0, 0.0), (known.size, 1))
     bands[:, 1] = marks.height[known]
     azimuth, z, _, _ = _seen(bands, *setups).T
     return Correction(

@@ -31,6 +31,7 @@ from marker_tracker_node.tracking.frame.laid_path import (
     corrected_height,
     laid_cable,
     lay_share,
+    lift_at,
     overdue,
 )
 from marker_tracker_node.tracking.sighting_log import Lap, SightingLog
@@ -315,14 +316,16 @@ def crossing(setup: Setup, state: TrackerState) -> str:
     """Return which neighbours' bands lie on one another, empty if none.
 
     Their turns are nearer than cable beside cable can be: one is raised by the other, or the two
-    are measured as one.
+    are measured as one. Turns of different layers are expected to.
     """
     marks, cable = state.marks, laid_cable(state.tracks, state.run)
     thick = 2.0 * setup.body.cable_radius
     for below, n in itertools.pairwise(np.flatnonzero(marks.known).tolist()):
         ahead = math.remainder(float(marks.theta[n] - marks.theta[below]), math.tau)
         rise = corrected_height(cable, float(marks.theta[n]) - ahead)[0] - marks.height[below]
-        if abs(ahead) * setup.body.rho < 2.0 * setup.body.half_band and abs(rise) < CLIMB * thick:
+        higher = lift_at(cable, float(marks.theta[n])) - lift_at(cable, float(marks.theta[below]))
+        facing = abs(ahead) * setup.body.rho < 2.0 * setup.body.half_band
+        if facing and abs(rise) < CLIMB * thick and higher < setup.body.cable_radius:
             return (
                 f"P{n} lies on P{below}: their turns are {abs(rise) / MILLIMETRE:.1f} mm apart, "
                 f"the cable is {thick / MILLIMETRE:.1f} mm thick"

@@ -55,7 +55,7 @@ class SightingLog:
 
     @property
     def sightings(self) -> FloatArray:
-        """Measured bands, see `Seen.rows`, shape (n, 11)."""
+        """Measured bands, see `Seen.rows`, shape (n, 12)."""
         return self._rows.values
 
     @property
@@ -144,7 +144,7 @@ def _passings(
 
     Returns:
         See `SightingLog.motion`, shape (m, 2); and `SightingLog.sightings`, then whether the
-        marker was in sight and not found, and the mean grey level of the frame, shape (n, 13).
+        marker was in sight and not found, and the mean grey level of the frame, shape (n, 14).
     """
     motion, count = np.empty((kept.size, 2)), 0
     found, passings = np.empty((kept.size * rows.shape[1], COLUMNS + 2)), 0
@@ -158,7 +158,7 @@ def _passings(
             row, azimuth = rows[k, n], rows[k, n].azimuth
             missed = math.isnan(azimuth)
             if missed:
-                if not row.marker_flags & _OCCLUDED:
+                if row.covered or not row.marker_flags & _OCCLUDED:
                     continue
                 azimuth = angles[k] - row.theta
             if math.isnan(light):
@@ -168,7 +168,7 @@ def _passings(
             one[0], one[1], one[2], one[3] = n, lap, readings[0, k], motion[count - 1, 1]
             one[4], one[5], one[6] = azimuth - math.tau * lap, row.seen_height, row.slope
             one[7], one[8], one[9], one[10] = row.low, row.high, row.below, row.above
-            one[11], one[12] = missed, light
+            one[11], one[12], one[13] = row.lift, missed, light
             passings += 1
     return motion[:count], found[:passings]
 

@@ -153,6 +153,8 @@ class Output:
     high: FloatArray  # See `Band` [rad]
     below: FloatArray  # See `Band` [m]
     above: FloatArray  # See `Band` [m]
+    lift: FloatArray  # See `Band` [m]
+    covered: FlagArray  # Whether cable lies or hangs before it
     marker_flags: NDArray[np.uint32]  # See `MarkerFlag`; an array has flags of its own
 
 
@@ -195,7 +197,8 @@ class Tracks(NamedTuple):
 
     Attributes:
         paths: Expected z of the laid cable every PATH_STEP of wound angle [m], by the guide's
-            readings and by the commanded feed, shape (2, PATH_SIZE).
+            readings and by the commanded feed, and how high it lies on other turns by those
+            readings [m], shape (3, PATH_SIZE).
     """
 
     marks: Marks  # Of P0 to Pn
@@ -210,7 +213,7 @@ class TrackerState:
     run_rows: Rows  # Of RUN, shape (1,)
     mark_rows: Rows  # Of MARK, shape (markers,)
     candidate_rows: Rows  # Of CANDIDATE, shape (CANDIDATES,)
-    paths: FloatArray  # See `Tracks` [m], shape (2, PATH_SIZE)
+    paths: FloatArray  # See `Tracks` [m], shape (3, PATH_SIZE)
 
     @classmethod
     def fresh(cls, marker_count: int) -> TrackerState:
@@ -219,7 +222,7 @@ class TrackerState:
             run_rows=np.zeros(1, dtype=RUN),
             mark_rows=np.zeros(marker_count + 1, dtype=MARK),
             candidate_rows=np.zeros(CANDIDATES, dtype=CANDIDATE),
-            paths=np.zeros((2, PATH_SIZE)),
+            paths=np.zeros((3, PATH_SIZE)),
         )
         run = state.run_rows
         run["path_filled"] = 1

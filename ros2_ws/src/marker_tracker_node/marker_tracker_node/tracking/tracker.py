@@ -426,7 +426,7 @@ class Tracker:
         """
         state = TrackerState.fresh(self.config.marker_count)
         self._motion.take_up(state, self._fixed, t, origin)
-        return state.paths[:, : state.run.path_filled]
+        return state.paths[:2, : state.run.path_filled]
 
     def _records(self, out: Burst) -> Markers:
         """Return records of shape (frames, markers)."""

@@ -1,11 +1,13 @@
 """The lay as the camera sees it: one that is known ahead, or one that is wound as it goes."""
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from winding_core.cable.cases import Case
 from winding_rig_node.camera.cable_path import CablePath, GrowingPath, WoundPath
+from winding_rig_node.camera.scene import Scene
 from winding_rig_node.lay.known_lay import CableLay
 from winding_rig_node.lay.lay_law import LayView
 
@@ -19,6 +21,16 @@ class SeenLay(NamedTuple):
     marker_theta: FloatArray  # Wound angle of each marker [rad], shape (m,)
     guide_z: float  # Axial position of the guide's eye [m]
     free_length: float  # Distance of the eye before the contact line [m]
+
+    def scene(self, case: Case, cylinder_angle: float, **further: Any) -> Scene:
+        """Return the scene with this lay of a case's cable at an angle [rad]; see `Scene`."""
+        return Scene(
+            cylinder_radius=case.cylinder_radius,
+            cable_radius=case.cable_radius,
+            cylinder_angle=cylinder_angle,
+            **self._asdict(),
+            **further,
+        )
 
 
 class ShownLay(Protocol):

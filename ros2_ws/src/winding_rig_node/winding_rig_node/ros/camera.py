@@ -155,15 +155,10 @@ class Camera:
     def _render(self, exposure: Exposure) -> NDArray[np.uint8]:
         seen = self._lay.at(exposure.guide_z, exposure.lay)
         return self._renderer.render(
-            Scene(
-                cylinder_radius=self._case.cylinder_radius,
-                cable_radius=self._case.cable_radius,
-                cylinder_angle=exposure.cylinder_angle,
+            seen.scene(
+                self._case,
+                exposure.cylinder_angle,
                 cylinder_speed=exposure.angular_speed,
-                path=seen.path,
-                marker_theta=seen.marker_theta,
-                guide_z=seen.guide_z,
-                free_length=seen.free_length,
                 cylinder_ends=self._ends,
                 flange_height=self._flange,
                 band_width=self._wanted.band_width,

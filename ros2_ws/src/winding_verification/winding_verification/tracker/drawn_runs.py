@@ -66,7 +66,7 @@ def sightings(
             expected = band_centroid(view, config.body, start._replace(azimuth=found, z=z))[2]
             share = area / expected / focal**2
             lap = round(found / (2.0 * math.pi))
-            beside = (slope, -math.pi, math.pi, math.inf, math.inf)
+            beside = (slope, -math.pi, math.pi, math.inf, math.inf, 0.0)
             rows.append((n, lap, stamp, reported, found - 2.0 * math.pi * lap, z, *beside, share))
     table = np.array(rows)
     area = float(np.log(np.median(table[:, -1]))) + rng.normal(-0.03, 0.015)

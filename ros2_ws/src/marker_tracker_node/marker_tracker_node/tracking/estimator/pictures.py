@@ -40,7 +40,7 @@ def band_pictures(
         view: The camera.
         body: What the bands are measured with.
         painted: What they are painted on.
-        bands: Fields of `Band`, shape (k, 7).
+        bands: Fields of `Band`, shape (k, 8).
 
     Returns:
         Shape (k, 12, 2): both coordinates; then their derivatives by tilt about three axes
@@ -72,7 +72,7 @@ def seen_again(
 ) -> FloatArray:  # pragma: no cover
     """Return azimuth, z, low and high of bands as another camera and body explain their pictures.
 
-    Bands are rows of the fields of `Band`, shape (k, 7), measured with the first view and body.
+    Bands are rows of the fields of `Band`, shape (k, 8), measured with the first view and body.
     Those of which the other camera sees no cable stay as they were. Shape (k, 4).
     """
     out = bands[:, np.array([0, 1, 3, 4])]
@@ -103,10 +103,11 @@ def _edge(angle: float, distance: float, before: float, after: float) -> float: 
 
 @called
 def _cut_again(band: Band, before: Body, after: Body) -> Band:  # pragma: no cover
-    """Return a band that was measured with a body as it is cut off with another one's cable."""
+    """Return a band measured with a body as it lies and is cut off with another one's cable."""
     low = -_edge(-band.low, band.below, before.cable_radius, after.cable_radius)
     high = _edge(band.high, band.above, before.cable_radius, after.cable_radius)
-    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
+    lift = band.lift * after.cable_radius / before.cable_radius
+    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above, lift)
 
 
 @called
@@ -124,7 +125,8 @@ def _by_camera(
 ) -> None:  # pragma: no cover
     """Write the derivatives by tilt, position and z: those of a point of the picture at (a, b)."""
     depth_of_ring = RING_DEPTH * body.cable_radius
-    x, y, z = surface_point(body.rho, depth_of_ring, band.azimuth, band.z, 0.0, 0.0)
+    rho = body.rho + band.lift
+    x, y, z = surface_point(rho, depth_of_ring, band.azimuth, band.z, 0.0, 0.0)
     _a, _b, depth = plane_of_point(view, x, y, z)
     out[TILT, 0], out[TILT, 1] = a * b, 1.0 + b * b
     out[TILT + 1, 0], out[TILT + 1, 1] = -1.0 - a * a, -a * b

@@ -25,6 +25,7 @@ from marker_tracker_node.tracking.estimator import pictures
 from marker_tracker_node.tracking.estimator.mask_bias import (
     COMMON,
     CUT_SCATTER,
+    LIFT_SIGMA,
     Sigmas,
     bias_shapes,
     cut_off,
@@ -51,7 +52,7 @@ from marker_tracker_node.tracking.estimator.numbers import (
 # Inverse variance of what is taken as it is, to a micrometre or a microradian.
 HELD = 1.0e12
 # Columns of sightings; the last ones are fields of `Band`.
-MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, _, LOW, HIGH, _, _, COLUMNS = range(12)
+MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, _, LOW, HIGH, _, _, _, COLUMNS = range(13)
 # Bands of consistent runs are up to 5 % smaller than they are, as their edges are mixed pixels, or
 # 5 % larger where they are blurred.
 AREA_SIGMA = 0.035
@@ -67,7 +68,7 @@ class Seen:
 
     Attributes:
         rows: Sightings: marker, lap, t [s], encoder angle [rad], azimuth within the lap [rad],
-            and z, slope, low, high, below, above as in `Band`, shape (k, 11).
+            and z, slope, low, high, below, above, lift as in `Band`, shape (k, 12).
         begun: Pose with which the run began, from P0 where it has given one; None for the nominal.
         without: Errors of focal length and body that were taken off for azimuth and z, see
             `NUMBERS`, shape (numbers,); zero for the configured ones.
@@ -117,7 +118,7 @@ class Problem:
         self._first_bias = COUNT + 2 * count
         turn = math.tau
         azimuth = rows[:, AZIMUTH] + turn * rows[:, LAP]
-        self._bands = np.column_stack([azimuth, rows[:, Z : Z + 6]])
+        self._bands = np.column_stack([azimuth, rows[:, Z:]])
         self._focal = math.sqrt(seen.camera.k[0, 0] * seen.camera.k[1, 1]) / seen.camera.binning
         view = camera_without(seen.camera, seen.without).view(seen.used)
         body = body_without(seen.body, seen.without)
@@ -125,8 +126,15 @@ class Problem:
         self._goal = pictures.band_pictures(view, body, body, self._bands)[:, 0]
         self._goal *= self._focal / (1.0 + seen.without[FOCAL])
         cuts = cut_off(self._bands, seen.body.cable_radius)
-        self._bias, sigmas = bias_shapes(azimuth, self._index, cuts, common)
-        self.sigma = np.where(cuts[0] | cuts[1], math.hypot(_SCATTER, CUT_SCATTER), _SCATTER)
+        scale = self._focal / (view.x - body.rho)
+        lifted = (self._bands[:, -1] > 0.0) * (2.0 * LIFT_SIGMA * body.cable_radius * scale)
+        self._bias, sigmas = bias_shapes(azimuth, self._index, cuts, lifted, common)
+        # A gate cuts a band in each lap as in the last: laps do not tell more of it.
+        cut, laps = cuts[0] | cuts[1], np.zeros(len(rows))
+        for i in range(count):
+            own = (self._index == i) & cut
+            laps[own] = np.unique(rows[own, LAP]).size
+        self.sigma = np.hypot(_SCATTER, CUT_SCATTER * np.sqrt(laps))
         self._since = float(seen.motion[0, 0])
         self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
         self.start = np.zeros(self._first_bias + self._bias.shape[2])

@@ -13,11 +13,11 @@ from marker_tracker_node.detection.colour_band import NEW_AREA, WHOLE_AREA
 from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
     ANY,
+    COVERED,
     FIRST_COLOUR,
     HIDDEN,
     MEASURED,
     NO_IDENTITY,
-    OUT_OF_SIGHT,
     PARTLY,
     TABLE_SIZE,
     Gates,
@@ -45,6 +45,7 @@ from marker_tracker_node.tracking.frame.laid_path import (
     corrected_height,
     first_sought,
     known_around,
+    lift_at,
     mean_gap,
     search_reach,
 )
@@ -119,7 +120,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         if gate_visibility(gates, work, gate_margin(setup), scan.picture) != HIDDEN:
             return
         for n in range(work):
-            if scan.expected.outcome[n] != OUT_OF_SIGHT:
+            if scan.expected.outcome[n] > COVERED:
                 separate_gates(gates, n, work)
         colour = _colour_in_gate(scan.picture, gates, work)
         found = measure_mark(
@@ -355,8 +356,9 @@ def _count_across(
     setup, body, pixels = scan.setup, scan.setup.body, scan.picture.pixels
     rows, columns = pixels.shape[:2]
     height, slope = corrected_height(scan.cable, theta)
+    rho = body.rho + lift_at(scan.cable, theta)
     x, y, z = surface_point(
-        body.rho, body.cable_radius, scan.turned - theta, height + beside, slope, 0.0
+        rho, body.cable_radius, scan.turned - theta, height + beside, slope, 0.0
     )
     a, b, _depth = plane_of_point(setup.camera, x, y, z)
     column, row = pixel_of_plane(setup.camera, a, b)
@@ -380,7 +382,7 @@ def _count_across(
 def _claimed(scan: Scan, u: float, v: float) -> bool:  # pragma: no cover
     """Return whether a pixel lies in the gate of a known marker."""
     for n in range(scan.expected.outcome.size):
-        if scan.expected.outcome[n] != OUT_OF_SIGHT and in_gate(scan.gates, n, u, v):
+        if scan.expected.outcome[n] > COVERED and in_gate(scan.gates, n, u, v):
             return True
     return False
 

@@ -33,6 +33,7 @@ from marker_tracker_node.tracking.frame.laid_path import (
     band_beside_turns,
     corrected_height,
     covered_by_span,
+    covered_by_turns,
     unknown_beside,
 )
 from marker_tracker_node.tracking.state import Candidates, Marks, Setup
@@ -50,14 +51,14 @@ class Expected(NamedTuple):
     near: FlagArray
     touching: FlagArray  # Whether its band touches another
     pixels: FloatArray  # That its band should fill
-    bands: FloatArray  # Fields of `Band`, shape (markers, 7)
+    bands: FloatArray  # Fields of `Band`, shape (markers, 8)
 
 
 @called
 def empty_expected(count: int) -> Expected:  # pragma: no cover
     """Return room for what is expected of a number of markers."""
     flags = np.zeros((2, count), np.bool_)
-    bands = np.zeros((count, 7))
+    bands = np.zeros((count, 8))
     return Expected(np.zeros(count, np.int64), flags[0], flags[1], np.zeros(count), bands)
 
 
@@ -116,7 +117,8 @@ def expect_band(scan: Scan, n: int, azimuth: float) -> None:  # pragma: no cover
     if not beyond:
         margin = gate_margin(setup)
         expected.outcome[n] = gate_visibility(scan.gates, n, margin, scan.picture)
-        if covered_by_span(setup, cable, band, theta):
+        hung = covered_by_span(setup, cable, band, theta)
+        if hung or covered_by_turns(setup, cable, band, theta):
             expected.outcome[n] = COVERED
     expected.bands[n] = band
 

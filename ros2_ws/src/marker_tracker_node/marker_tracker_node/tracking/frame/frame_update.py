@@ -10,11 +10,11 @@ from marker_tracker_node.detection.colour_band import WHOLE_AREA
 from marker_tracker_node.detection.detectors import measure_mark
 from marker_tracker_node.detection.gate import (
     CLIPPED,
+    COVERED,
     FIRST_COLOUR,
     HIDDEN,
     NO_IDENTITY,
     NOTHING,
-    OUT_OF_SIGHT,
     TABLE_SIZE,
     Gates,
     Picture,
@@ -93,7 +93,7 @@ def update_burst(
         run_rows: Of RUN, shape (1,), written in place as are the following.
         marks: Of MARK, shape (markers,).
         candidates: Of CANDIDATE, shape (CANDIDATES,).
-        paths: See `Tracks`, shape (2, PATH_SIZE).
+        paths: See `Tracks`, shape (3, PATH_SIZE).
         readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
             [m], nan to expect the commanded feed, how much further P0 is expected than encoder and
             shift place it [rad], and how far beside that it is sought if it is not there [rad],
@@ -138,7 +138,7 @@ def _update_frame(
     scan = Scan(picture, setup, shutter, cable, tracks.candidates, gates, expected, turned)
     expect_bands(scan, place[0])
     for n in range(count):
-        # Neither out of sight nor clipped.
+        # Neither out of sight nor covered nor clipped.
         if expected.outcome[n] == HIDDEN:
             expected.outcome[n] = _measure(scan, n, out, k)
     if marks.known[0] and not math.isfinite(out.azimuth[k, 0]):
@@ -176,7 +176,7 @@ def _seen_beside(scan: Scan, out: Output, k: int) -> bool:  # pragma: no cover
     if expected.outcome[0] != HIDDEN:
         return False
     for n in range(1, marks.known.size):
-        if expected.outcome[n] != OUT_OF_SIGHT:
+        if expected.outcome[n] > COVERED:
             separate_gates(scan.gates, n, 0)
     found = _measure(scan, 0, out, k)
     # It is nan where nothing was measured.
@@ -223,6 +223,6 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
     out.azimuth[k, n] = azimuth - turned_since(setup, scan.shutter, azimuth, z)
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
-    out.below[k, n], out.above[k, n] = band.below, band.above
+    out.below[k, n], out.above[k, n], out.lift[k, n] = band.below, band.above, band.lift
     out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
     return found.outcome

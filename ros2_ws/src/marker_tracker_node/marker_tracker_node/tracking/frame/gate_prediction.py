@@ -48,7 +48,7 @@ class Ends(NamedTuple):
 def predict_gate(setup: Setup, band: Band, gates: Gates, n: int) -> float:  # pragma: no cover
     """Write the gate of a band to place n and return the pixels that the band should fill."""
     camera, body = setup.camera, setup.body
-    rho, r, slope = body.rho, body.cable_radius, band.slope
+    rho, r, slope = body.rho + band.lift, body.cable_radius, band.slope
     a, b, area = band_centroid(camera, body, band)
     column, row = pixel_of_plane(camera, a, b)
     norm = math.hypot(rho, slope)
@@ -166,7 +166,7 @@ def guarded(setup: Setup, band: Band, below: bool, above: bool) -> Band:  # prag
         low = max(low, -math.asin(max(0.5 * (band.below - 2.0 * guard) / r, 0.0)))
     if above and band.above < 2.0 * r + guard:
         high = min(high, math.asin(max(0.5 * (band.above - 2.0 * guard) / r, 0.0)))
-    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above)
+    return Band(band.azimuth, band.z, band.slope, low, high, band.below, band.above, band.lift)
 
 
 @called

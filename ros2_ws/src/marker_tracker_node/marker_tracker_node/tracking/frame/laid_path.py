@@ -33,6 +33,8 @@ TAIL = 0.5
 SPAN_LAST = -0.3
 # A band shows this far beside the place where it may be, or where bands are in sight [rad].
 BAND_REACH = 0.4
+# Places of a path in a turn.
+TURN_PLACES = math.tau / PATH_STEP
 # The next marker is no nearer than this share of the mean gap.
 LEAST_GAP = 0.6
 # How far the guide may stand before the contact line when P0 lands, one deviation [m], and how far
@@ -48,6 +50,8 @@ FARTHEST = 5.0
 PROOF_ADVANCE = 0.1
 # Bands that lie so near to each other are the same band [m].
 SAME_HEIGHT = 1.5 * LAY_SIGMA
+# Led nearer than so many diameters a turn lies on the one before it, or else beside it.
+ON_TOP = 0.75
 
 # A guide that moves so many times as far as the feed, or as one turn beside the other, while a
 # marker proves itself does not exist: its readings are millimetres.
@@ -61,7 +65,8 @@ class LaidCable(NamedTuple):
     """The cable on the cylinder as far as it is known."""
 
     marks: Marks  # The markers
-    path: FloatArray  # One of `Tracks.paths`
+    path: FloatArray  # Its z, one of `Tracks.paths` [m]
+    lift: FloatArray  # How high it lies on other turns, see there [m]; empty where nowhere
     filled: int  # Places of it that are filled
 
 
@@ -69,7 +74,9 @@ class LaidCable(NamedTuple):
 def laid_cable(tracks: Tracks, run: Run) -> LaidCable:  # pragma: no cover
     """Return the cable along the path that is in use."""
     row = 0 if run.guide.laid_by == BY_READINGS else 1
-    return LaidCable(tracks.marks, tracks.paths[row], run.path_filled)
+    # The commanded feed leads one layer.
+    layered = run.path_filled if row == 0 else 0
+    return LaidCable(tracks.marks, tracks.paths[row], tracks.paths[2, :layered], run.path_filled)
 
 
 @called
@@ -90,8 +97,44 @@ def extend_paths(
         paths[0, count] = paths[0, count - 1] + share * (read - paths[0, count - 1])
         commanded = setup.advance_per_radian * middle
         paths[1, count] = paths[1, count - 1] + share * (commanded - paths[1, count - 1])
+        paths[2, count] = _lift(setup, paths[0], paths[2], count)
         count += 1
     run.path_filled = count
+
+
+@called
+def _lift(setup: Setup, path: FloatArray, lift: FloatArray, last: int) -> float:  # pragma: no cover
+    """Return how high the cable at the last place of a path lies on turns before it [m]."""
+    diameter, highest = 2.0 * setup.body.cable_radius, 0.0
+    for turn in range(1, int(last / TURN_PLACES) + 1):
+        place = last - turn * TURN_PLACES
+        low = int(place)
+        beside = path[last] - path[low] - (place - low) * (path[low + 1] - path[low])
+        if _lies_on(setup, beside, turn, last * PATH_STEP):
+            rise = math.sqrt(diameter * diameter - beside * beside)
+            highest = max(highest, lift[low] + rise)
+    return highest
+
+
+@called
+def _lies_on(setup: Setup, beside: float, turns: int, theta: float) -> bool:  # pragma: no cover
+    """Return whether cable lies on that so many turns before, led so far beside it [m].
+
+    The next turn may be held off by the one before, and the second one has room beside the first;
+    after that they are of other layers. The upper cable is at a wound angle [rad].
+    """
+    if turns == 1 and theta < 2.0 * math.tau:
+        return False
+    reach = ON_TOP if turns == 1 else 1.0
+    return bool(abs(beside) < reach * 2.0 * setup.body.cable_radius)
+
+
+@called
+def lift_at(cable: LaidCable, theta: float) -> float:  # pragma: no cover
+    """Return how high cable at a wound angle lies on other turns, as far as is expected [m]."""
+    if cable.lift.size == 0 or theta <= 0.0:
+        return 0.0
+    return float(cable.lift[min(int(theta / PATH_STEP), cable.lift.size - 1)])
 
 
 @called
@@ -156,9 +199,12 @@ def band_beside_turns(
     below, above = math.inf, math.inf
     lean = setup.body.rho / math.hypot(setup.body.rho, slope)
     diameter = 2.0 * setup.body.cable_radius
-    turn = math.tau
+    turn, lift = math.tau, lift_at(cable, theta)
     if theta - turn > -TAIL:
         away = (z - corrected_height(cable, theta - turn)[0]) * lean
+        if lift - lift_at(cable, theta - turn) > setup.body.cable_radius:
+            # What lies below a band shows beside it alone.
+            away = math.copysign(max(abs(away), diameter), away)
         below, above = _nearer(below, above, away)
     if azimuth > turn - TAIL:
         away = (corrected_height(cable, theta + turn)[0] - z) * lean
@@ -168,7 +214,7 @@ def band_beside_turns(
         below, above = _nearer(below, above, -away)
     low = -math.asin(below / diameter) if below < diameter else -math.pi
     high = math.asin(above / diameter) if above < diameter else math.pi
-    return Band(azimuth, z, slope, low, high, below, above)
+    return Band(azimuth, z, slope, low, high, below, above, lift)
 
 
 @called
@@ -192,6 +238,18 @@ def covered_by_span(
     way = landing + math.sin(-before)
     distance = abs(corrected_height(cable, way)[0] - band.z)
     return bool(distance < 2.0 * setup.body.cable_radius + LAY_SIGMA)
+
+
+@called
+def covered_by_turns(
+    setup: Setup, cable: LaidCable, band: Band, theta: float
+) -> bool:  # pragma: no cover
+    """Return whether a later turn is led over a band at a wound angle [rad]."""
+    for turn in range(1, int(band.azimuth / math.tau) + 1):
+        later = theta + turn * math.tau
+        if _lies_on(setup, corrected_height(cable, later)[0] - band.z, turn, later):
+            return True
+    return False
 
 
 @called
@@ -229,7 +287,7 @@ def beside_path(
     setup: Setup, guide: Guide, marks: Marks, paths: FloatArray, filled: int, row: int, n: int
 ) -> float:  # pragma: no cover
     """Return how much farther from P0 marker n lies than on a path without any offset [m]."""
-    expected, _ = path_height(LaidCable(marks, paths[row], filled), marks.theta[n])
+    expected, _ = path_height(LaidCable(marks, paths[row], paths[2, :0], filled), marks.theta[n])
     if row == 0:
         expected -= guide.offset * lay_share(setup, marks.theta[n])
     return float(marks.height[n] - marks.height[0] - expected)
@@ -244,7 +302,7 @@ def _off_path(
     Cable that would lie in its own first turn is held off by up to a diameter, and comes back to
     the path over some turns.
     """
-    first = path_height(LaidCable(marks, paths[row], filled), math.tau)[0]
+    first = path_height(LaidCable(marks, paths[row], paths[2, :0], filled), math.tau)[0]
     if row == 0:
         first -= guide.offset * lay_share(setup, math.tau)
     held = math.copysign(max(2.0 * setup.body.cable_radius - abs(first), 0.0), first)

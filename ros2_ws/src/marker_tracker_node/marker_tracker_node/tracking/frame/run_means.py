@@ -146,7 +146,8 @@ def write_results(
             own_height += mean_height
             if outcome[n] == CLIPPED:
                 flags |= CUT_OFF
-            if outcome[n] == HIDDEN or outcome[n] == COVERED:
+            out.covered[k, n] = outcome[n] == COVERED
+            if outcome[n] == HIDDEN or out.covered[k, n]:
                 flags |= OCCLUDED
         if marks.left_theta[n] != 0.0 or marks.left_height[n] != 0.0:
             own_theta += _follow(out.theta, marks.left_theta, k, n, own_theta)
