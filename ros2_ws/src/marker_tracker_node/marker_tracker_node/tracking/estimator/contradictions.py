@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 from marker_tracker_node.tracking.estimator.correction import Correction, correction
-from marker_tracker_node.tracking.estimator.mask_bias import IN_ANY_LIGHT
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS
 from marker_tracker_node.tracking.estimator.problem import MARKER, Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import Explanation, judged
@@ -41,7 +40,7 @@ def explained(seen: Seen) -> tuple[tuple[Contradiction, ...], Correction | None]
     """
     if not (seen.rows[:, MARKER] == 0).any():
         return (), None
-    problem = Problem(seen, IN_ANY_LIGHT)
+    problem = Problem(seen, any_light=True)
     verdict = judged(problem)
     found = tuple(_contradiction(group, verdict.explained) for group in verdict.wrong)
     return found, correction(problem, verdict, made=bool(seen.without.any()))

@@ -25,8 +25,8 @@ from marker_tracker_node.tracking.estimator import pictures
 from marker_tracker_node.tracking.estimator.mask_bias import (
     COMMON,
     CUT_SCATTER,
+    IN_ANY_LIGHT,
     LIFT_SIGMA,
-    Sigmas,
     bias_shapes,
     cut_off,
 )
@@ -108,8 +108,8 @@ class Problem:
         markers: Numbers of those that were seen, ascending.
     """
 
-    def __init__(self, seen: Seen, common: Sigmas = COMMON) -> None:
-        """Take what was seen, and what the mask may have wrong in all of it [px]."""
+    def __init__(self, seen: Seen, *, any_light: bool = False) -> None:
+        """Take what was seen, and whether the mask may have it wrong as in any light and focus."""
         rows = seen.rows
         self._seen = seen
         self.markers, self._index = np.unique(rows[:, MARKER].astype(int), return_inverse=True)
@@ -126,22 +126,23 @@ class Problem:
         self._goal = pictures.band_pictures(view, body, body, self._bands)[:, 0]
         self._goal *= self._focal / (1.0 + seen.without[FOCAL])
         cuts = cut_off(self._bands, seen.body.cable_radius)
-        scale = self._focal / (view.x - body.rho)
-        lifted = (self._bands[:, -1] > 0.0) * (2.0 * LIFT_SIGMA * body.cable_radius * scale)
+        out = 2.0 * LIFT_SIGMA * body.cable_radius * self._focal / (view.x - body.rho)
+        lifted = np.where(self._bands[:, -1] > 0.0, out, 0.0)
+        common = IN_ANY_LIGHT if any_light else COMMON
         self._bias, sigmas = bias_shapes(azimuth, self._index, cuts, lifted, common)
-        # A gate cuts a band in each lap as in the last: laps do not tell more of it.
-        cut, laps = cuts[0] | cuts[1], np.zeros(len(rows))
-        for i in range(count):
-            own = (self._index == i) & cut
-            laps[own] = np.unique(rows[own, LAP]).size
-        self.sigma = np.hypot(_SCATTER, CUT_SCATTER * np.sqrt(laps))
+        cut = cuts[0] | cuts[1]
+        laps = 1.0 * cut
         self._since = float(seen.motion[0, 0])
         self._speed = np.gradient(seen.motion[:, 1], seen.motion[:, 0])
         self.start = np.zeros(self._first_bias + self._bias.shape[2])
         for i in range(count):
             own = self._index == i
+            if any_light:
+                # A band is cut off in each lap as in the last: more of them do not show more.
+                laps[own & cut] = np.unique(rows[own & cut, LAP]).size
             self.start[COUNT + i] = np.median(rows[own, ANGLE] - azimuth[own])
             self.start[self._first_z + i] = np.median(rows[own, Z])
+        self.sigma = np.hypot(_SCATTER, CUT_SCATTER * np.sqrt(laps))
         self.prior = np.zeros(self.start.size)
         self.prior[:COUNT] = [number.doubt**-2 for number in NUMBERS]
         self.prior[self._first_bias :] = sigmas**-2
