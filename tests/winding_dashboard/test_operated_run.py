@@ -209,6 +209,8 @@ def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: AttendedRun, motion
     assert desk.complaints == []
 
 
+# The runs are those that the page's tests have wound.
+@pytest.mark.usefixtures("browser")
 def test_ctrl_c_ends_the_session_and_every_run_has_its_report(
     run: AttendedRun, motion: Any
 ) -> None:

@@ -81,6 +81,8 @@ def test_report_opens_from_the_page(session: AttendedRun, new_tab: Any) -> None:
     opened.value.get_by_text("largest error").first.wait_for()
 
 
+# The runs are those that the page's test has wound.
+@pytest.mark.usefixtures("browser")
 def test_ctrl_c_ends_the_session_without_a_failure(session: AttendedRun) -> None:
     code, output = session.end()
     assert code == 0, output

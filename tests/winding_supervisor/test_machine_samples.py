@@ -15,6 +15,7 @@ from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
 from winding_ros.messages.rig import encode_joint_state
 from winding_supervisor.machines.external_machine import ExternalMachine, ExternalMachineConfig
+from winding_supervisor.machines.standing_axes import at_rest
 from winding_supervisor.watch.event_log import EventLog
 
 DRIVE = DriveProfile()
@@ -124,3 +125,19 @@ def test_a_disk_that_takes_no_event_hides_neither_event_nor_cause(
     assert [event.what for event in ending.events] == ["detected"]
     assert ending.text == "correction is gone"
     assert log.failure.startswith(f"{Path(file).name} is incomplete: ")
+
+
+def test_a_machine_that_is_still_stopping_is_not_at_rest():
+    since, way = np.arange(0.0, 0.5, 0.01), 1.0e-5
+    # It has 6 mrad to go, as the one that was taken for standing and had moved when its run began.
+    stopping = np.column_stack([-0.01 * np.exp(-since), way * since])
+    assert not at_rest(stopping)
+    # Less is left than counts as motion.
+    assert at_rest(0.1 * stopping)
+
+
+@pytest.mark.parametrize("rate", [50.0, 500.0])
+def test_an_encoder_that_trembles_is_at_rest_within_a_few_looks(rate):
+    rng = np.random.default_rng(3)
+    looks = rng.uniform(-0.5, 0.5, (8, round(0.5 * rate), 2)) * (0.01, 2.0e-4)
+    assert any(at_rest(look) for look in looks)

@@ -3,10 +3,12 @@
 import asyncio
 from collections.abc import Callable
 
+import numpy as np
+from numpy.typing import NDArray
 from rclpy.node import Node
 
 from winding_core.machine.axes import JointSample, MachineAxes
-from winding_core.machine.incoming_readings import missing_joints
+from winding_core.machine.incoming_readings import MOTION, missing_joints
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
@@ -14,6 +16,8 @@ from winding_ros.graph import GraphError
 from winding_ros.messages.rig import decode_joint_sample
 from winding_ros.messages.serialised import MessageError, deserialised
 from winding_supervisor.processes.discovery import RivalWatch
+
+FloatArray = NDArray[np.float64]
 
 _POLL = 0.02
 PATIENCE = 30.0
@@ -34,13 +38,22 @@ async def standing_axes(
     end = clock() + PATIENCE
     while True:
         samples = _recent(buffer, axes, clock())
-        if samples is not None:
-            turned, moved = _spread(samples, axes)
-            if turned <= _TREMBLING[0] and moved <= _TREMBLING[1]:
-                return axes.standing_at((item.cylinder, item.carriage) for item in samples)
+        if samples is not None and at_rest(_places(samples, axes)):
+            return axes.standing_at((item.cylinder, item.carriage) for item in samples)
         if clock() > end:
             raise GraphError(_why_not(node, buffer, axes, samples, clock()))
         await asyncio.sleep(_POLL)
+
+
+def at_rest(places: FloatArray) -> bool:
+    """Return whether angle [rad] and carriage position [m] of a look, shape (n, 2), stand.
+
+    They may tremble, but not approach a place that counts as motion from here, as a machine does
+    that is still stopping.
+    """
+    newer, older = (half.mean(axis=0) for half in np.array_split(places, 2))
+    still = np.abs(newer - older) <= np.divide(MOTION, 2.0)
+    return bool((still & (np.ptp(places, axis=0) <= _TREMBLING)).all())
 
 
 def joint_sample(message: BufferedMessage, axes: MachineAxes) -> JointSample | None:
@@ -91,15 +104,13 @@ def _why_not(
         return " ".join(contested)
     if samples is None:
         return f"{name} comes too seldom to show whether the machine stands"
-    turned, moved = _spread(samples, axes)
+    turned, moved = np.ptp(_places(samples, axes), axis=0)
     return (
         f"the machine does not stand: within {_LOOK:g} s the cylinder turned {turned:.3g} rad "
         f"and the carriage moved {moved / MILLIMETRE:.3g} mm; a run begins at a standstill"
     )
 
 
-def _spread(samples: list[JointSample], axes: MachineAxes) -> tuple[float, float]:
-    """Return the range of the angle [rad] and of the carriage position [m]."""
-    places = [axes.positions(item.cylinder, item.carriage) for item in samples]
-    angles, ways = zip(*places, strict=True)
-    return max(angles) - min(angles), max(ways) - min(ways)
+def _places(samples: list[JointSample], axes: MachineAxes) -> FloatArray:
+    """Return angle [rad] and carriage position [m] of samples, shape (n, 2)."""
+    return np.array([axes.positions(item.cylinder, item.carriage) for item in samples])
