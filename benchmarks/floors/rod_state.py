@@ -140,6 +140,7 @@ def kernel_advance(state: RodState, drive: FloatArray, steps: int, dt: float) ->
             state.kernel_state,
             steps,
             dt,
+            dt,
             state.surface_step / dt,
             drive,
             state.constants,

@@ -133,6 +133,19 @@ def test_markers_ahead_of_the_drum_are_flagged() -> None:
     assert np.all(flags[1:] == MarkerFlag.NOT_WOUND)
 
 
+def test_steps_of_changing_length_leave_the_ledger_closed() -> None:
+    even, uneven = RodWinding(CONFIG), RodWinding(CONFIG)
+    follow(even, 4.0, 5.0e-3)
+    number = 0
+    while uneven.time < 4.0:
+        # Fifty steps, and two of 0.55 of their length.
+        t = min(uneven.time + uneven.step_limit * (50.0, 1.1)[number % 2], 4.0)
+        uneven.advance_to(t, DRIVE.reading_at(t))
+        number += 1
+    assert uneven.energy.balance_pct < 2.0 * even.energy.balance_pct
+    np.testing.assert_allclose(uneven.tension()[5:20], even.tension()[5:20], rtol=1.0e-3)
+
+
 def test_divergence_is_loud() -> None:
     model = RodWinding(CONFIG)
     model.step_limit *= 4.0

@@ -9,7 +9,9 @@ from collections.abc import Callable
 from cable_fem_node.dynamics.compile import called, kernel
 from cable_fem_node.dynamics.state import (
     BELOW_ROWS,
+    DAMPED,
     GONE,
+    INVERSE,
     LOADS,
     LOSS_CONTACT,
     LOSS_FRICTION,
@@ -57,7 +59,7 @@ def _touching(wound: bool) -> Callable[..., None]:
         Args:
             begin: First node that may touch.
             end: One past the last.
-            dt: Step [s].
+            dt: Step before [s].
             surface: Of the cylinder.
             points: State; stick springs and contact flags are changed.
             mass: Of the nodes (nodes,) [kg].
@@ -89,8 +91,9 @@ def _touching(wound: bool) -> Callable[..., None]:
             square = px * px + py * py
             held = touching[i] == 1
             lies = wound and below[PUSHES, i] > 0.0
+            gives = wound and below[PUSHES, i] > 1.0
             if wound:
-                inverse = 1.0 / below[RATES, i]
+                inverse = below[INVERSE, i]
                 up, around = below[LOADS, i] * inverse, below[LOADS + 2, i] * inverse
                 net[0, i] += up * px - around * py
                 net[1, i] += up * py + around * px
@@ -112,7 +115,8 @@ def _touching(wound: bool) -> Callable[..., None]:
                 couple[i] = 0.0
                 continue
             vx, vy = v[0, i], v[1, i]
-            inverse = 1.0 / radius
+            if not wound:
+                inverse = 1.0 / radius
             nx, ny = px * inverse, py * inverse
             # The velocity is half a step old: on a turning surface it points off the tangent here.
             # The dashpot acts on the rate of the radius itself, zero for a node that lies still.
@@ -129,10 +133,13 @@ def _touching(wound: bool) -> Callable[..., None]:
                 damped = normal - elastic
             if wound:
                 # Friction acts across the push, along the circumference and in the axis' plane.
-                up, along_z = normal + below[PUSHES + 2, i], below[PUSHES + 3, i]
-                normal += below[PUSHES + 1, i]
-                whole = math.sqrt(up * up + along_z * along_z)
-                tr, tz = (-along_z / whole, up / whole) if along_z != 0.0 else (0.0, 1.0)
+                up, along_z, tr, tz = normal, 0.0, 0.0, 1.0
+                if lies:
+                    up, along_z = normal + below[PUSHES + 2, i], below[PUSHES + 3, i]
+                    normal += below[PUSHES + 1, i]
+                if along_z != 0.0:
+                    whole = 1.0 / math.sqrt(up * up + along_z * along_z)
+                    tr, tz = -along_z * whole, up * whole
             moved, aside = 0.0, 0.0
             if held:
                 if i < surface.gripped or slip_t != 0.0:
@@ -140,7 +147,7 @@ def _touching(wound: bool) -> Callable[..., None]:
                 aside = (v[2, i] - lever * roll[1, i]) * dt
                 if wound:
                     aside += (v[2, i] * (tz - 1.0) + rising * tr) * dt
-                if wound and lies and normal > 0.0:
+                if wound and gives and normal > 0.0:
                     # Over the cable below, which moves itself.
                     part = dt / normal
                     moved -= part * below[PUSHES + 10, i] * radius
@@ -170,7 +177,7 @@ def _touching(wound: bool) -> Callable[..., None]:
             radial, axial = normal, fz
             if wound:
                 radial, axial = up + fz * tr, along_z + fz * tz
-            if wound and lies and normal > 0.0:
+            if wound and gives and normal > 0.0:
                 # The moving cable below is rubbed as it rubs.
                 for first in range(0, GONE, BELOW_ROWS):
                     if below[first + 4, i] == 0.0:
@@ -183,7 +190,8 @@ def _touching(wound: bool) -> Callable[..., None]:
                     for e, part in ((j, less * (1.0 - share)), (j + 1, less * share)):
                         below[LOADS, e] -= part * fz * tr
                         below[LOADS + 1, e] -= part * fz * tz
-                        below[LOADS + 2, e] -= part * ft * radius / below[RATES, e]
+                        below[LOADS + 2, e] -= part * ft * radius * below[INVERSE, e]
+            if wound and lies:
                 ft += below[PUSHES + 4, i]
             net[0, i] += radial * nx - ft * ny
             net[1, i] += radial * ny + ft * nx
@@ -214,20 +222,22 @@ touch_wound = _touching(wound=True)
 
 
 @called
-def _note_rates(begin: int, end: int, dt: float, turned: float, points: Points) -> None:
-    """Write radii of nodes, their rates and those of the angles over the surface, clear pushes."""
-    x, v, below = points.position, points.velocity, points.below
-    chord = math.sin(turned) / dt
-    for row in range(PUSHES, RATES):
-        for i in range(begin, end):
-            below[row, i] = 0.0
-    for i in range(begin, end):
-        px, py, vx, vy = x[0, i], x[1, i], v[0, i], v[1, i]
-        square = px * px + py * py
-        radius = math.sqrt(square)
-        below[RATES, i] = radius
-        below[RATES + 1, i] = (vx * px + vy * py - 0.5 * dt * (vx * vx + vy * vy)) / radius
-        below[RATES + 2, i] = (vy * px - vx * py) / square - chord
+def _note_rates(i: int, dt: float, chord: float, points: Points) -> None:
+    """Write the radius of a node, its rates and that of its angle over the surface, clear loads."""
+    below = points.below
+    px, py = points.position[0, i], points.position[1, i]
+    vx, vy = points.velocity[0, i], points.velocity[1, i]
+    square = px * px + py * py
+    inverse = 1.0 / math.sqrt(square)
+    below[RATES, i] = square * inverse
+    below[RATES + 1, i] = (vx * px + vy * py - 0.5 * dt * (vx * vx + vy * vy)) * inverse
+    below[RATES + 2, i] = (vy * px - vx * py) * inverse * inverse - chord
+    below[INVERSE, i] = inverse
+    below[PUSHES, i] = 0.0
+    for row in range(DAMPED, DAMPED + 3):
+        below[row, i] = 0.0
+    for row in range(LOADS, RATES):
+        below[row, i] = 0.0
 
 
 @called
@@ -249,28 +259,33 @@ def _press(
     """
     x, v, below = points.position, points.velocity, points.below
     torque = 0.0
-    lower_line = k.chords - k.line
-    _note_rates(begin, end, dt, surface.turned, points)
+    lower_line = (k.chords - k.line) * k.line
+    chord = math.sin(surface.turned) / dt
     for i in range(begin, end):
+        # What lies below comes before.
+        _note_rates(i, dt, chord, points)
         if points.touching[i] == 0:
             points.contact_radius[i] = surface.landing
         if below[4, i] == 0.0:
             continue
         # A node's radius is larger by what makes up for chords, and for the depth of the springs:
         # in a valley that is twice as large as on the cylinder.
-        radius = below[RATES, i]
-        lower = (2.0 * points.contact_radius[i] - k.chords - k.line) * k.line / radius
-        deeper = 1.0 + lower / radius
+        radius, inverse, speed_z = below[RATES, i], below[INVERSE, i], v[2, i]
+        lower = (2.0 * points.contact_radius[i] - k.chords - k.line) * k.line * inverse
+        deeper = 1.0 + lower * inverse
+        lies, pushes, outward, axial, around = 0.0, 0.0, 0.0, 0.0, 0.0
+        damped_up, damped_z, damped_around = 0.0, 0.0, 0.0
+        raised, carried, swept, went = 0.0, 0.0, 0.0, below[GONE, i]
         for first in range(0, GONE, BELOW_ROWS):
             at, there = below[first, i], below[first + 1, i]
             rise, slope, apart = below[first + 2, i], below[first + 3, i], below[first + 4, i]
             if apart == 0.0:
                 break
-            below[first + 7, i] = 0.0
-            per_radian = at * at + rise * rise + slope * slope
-            j, share = int(below[first + 5, i]), below[first + 6, i]
-            gone, rest = below[GONE, i], 1.0 - share
+            per_square, gone = below[first + 8, i], went
+            j, share, rest = int(below[first + 5, i]), 0.0, 1.0
             if j >= 0:
+                below[first + 7, i], share = 0.0, below[first + 6, i]
+                rest -= share
                 at = rest * _centre(j, k, below) + share * _centre(j + 1, k, below)
                 there = rest * x[2, j] + share * x[2, j + 1]
                 gone -= rest * below[GONE, j] + share * below[GONE, j + 1]
@@ -278,57 +293,70 @@ def _press(
             b = x[2, i] - there - slope * gone
             along = a * rise + b * slope
             square = a * a + b * b
-            if (square - apart * apart) * per_radian >= along * along:
+            square -= along * along * per_square
+            if square >= apart * apart:
                 continue
-            along /= per_radian
-            far = math.sqrt(square - along * along * per_radian)
-            a, b = (a - along * rise) / far, (b - along * slope) / far
+            along *= per_square
+            far = math.sqrt(square)
+            per_far = 1.0 / far
+            a, b = (a - along * rise) * per_far, (b - along * slope) * per_far
             c = a * rise + b * slope
             rate, sinking, speed, going = 0.0, 0.0, 0.0, 0.0
             if j >= 0:
                 for e, part in ((j, rest), (j + 1, share)):
-                    r, up = below[RATES, e], part * below[RATES + 1, e]
+                    per_r, up = below[INVERSE, e], part * below[RATES + 1, e]
                     sinking += up
-                    rate += up * (1.0 + lower_line * k.line / (r * r))
+                    rate += up * (1.0 + lower_line * per_r * per_r)
                     speed += part * v[2, e]
                     going += part * below[RATES + 2, e]
             elastic = k.beside_stiffness * (apart - far)
-            parting = a * (deeper * below[RATES + 1, i] - rate) + b * (v[2, i] - speed)
+            parting = a * (deeper * below[RATES + 1, i] - rate) + b * (speed_z - speed)
             parting += c * (below[RATES + 2, i] - going)
             push = max(elastic - k.beside_damping * parting, 0.0)
             damped = push - elastic
-            below[first + 7, i] = push
-            below[PUSHES, i] = 1.0
-            below[PUSHES + 1, i] += push
-            below[PUSHES + 2, i] += push * a * deeper
-            below[PUSHES + 3, i] += push * b
-            below[PUSHES + 4, i] += push * c / radius
-            below[PUSHES + 5, i] += damped * a * deeper
-            below[PUSHES + 6, i] += damped * b
-            below[PUSHES + 7, i] += damped * c / radius
+            lies = max(lies, 1.0)
+            pushes += push
+            outward += push * a
+            axial += push * b
+            around += push * c
+            damped_up += damped * a
+            damped_z += damped * b
+            damped_around += damped * c
             if j < 0:
                 torque += push * c
                 continue
-            below[PUSHES + 8, i] += push * sinking
-            below[PUSHES + 9, i] += push * speed
-            below[PUSHES + 10, i] += push * going
+            lies, below[first + 7, i] = 2.0, push
+            raised += push * sinking
+            carried += push * speed
+            swept += push * going
             for e, part in ((j, rest), (j + 1, share)):
-                r = below[RATES, e]
-                up, around = part * a * (1.0 + lower_line * k.line / (r * r)), part * c / r
+                per_r = below[INVERSE, e]
+                up, turns = part * a * (1.0 + lower_line * per_r * per_r), part * c * per_r
                 below[LOADS, e] -= push * up
                 below[LOADS + 1, e] -= push * part * b
-                below[LOADS + 2, e] -= push * around
-                below[PUSHES + 5, e] -= damped * up
-                below[PUSHES + 6, e] -= damped * part * b
-                below[PUSHES + 7, e] -= damped * around
+                below[LOADS + 2, e] -= push * turns
+                below[DAMPED, e] -= damped * up
+                below[DAMPED + 1, e] -= damped * part * b
+                below[DAMPED + 2, e] -= damped * turns
+        if lies > 0.0:
+            below[PUSHES, i], below[PUSHES + 1, i] = lies, pushes
+            below[PUSHES + 2, i], below[PUSHES + 3, i] = outward * deeper, axial
+            below[PUSHES + 4, i] = around * inverse
+            below[DAMPED, i], below[DAMPED + 1, i] = damped_up * deeper, damped_z
+            below[DAMPED + 2, i] = damped_around * inverse
+            below[PUSHES + 8, i], below[PUSHES + 9, i], below[PUSHES + 10, i] = (
+                raised,
+                carried,
+                swept,
+            )
     return torque
 
 
 @called
 def _centre(i: int, k: ContactLaw, below: FloatArray) -> float:
     """Return the radius of the centre line at a node, which chords join [m]."""
-    radius: float = below[RATES, i]
-    return radius - (k.chords - k.line) * k.line / radius
+    radius: float = below[RATES, i] - (k.chords - k.line) * k.line * below[INVERSE, i]
+    return radius
 
 
 @called
@@ -338,15 +366,14 @@ def _bounced(
 ) -> float:  # fmt: skip
     """Return what the dashpots between cable and cable take [W], once all net forces are known."""
     x, v, below = points.position, points.velocity, points.below
-    taken = 0.0
+    taken, turns = 0.0, turning / dt
     for i in range(begin, end):
-        up, along, around = below[PUSHES + 5, i], below[PUSHES + 6, i], below[PUSHES + 7, i]
-        gained = 0.5 * dt / mass[i]
+        gained, inverse = 0.5 * dt / mass[i], below[INVERSE, i]
         vx, vy = v[0, i] + gained * net[0, i], v[1, i] + gained * net[1, i]
-        radius = below[RATES, i]
-        taken -= up * (vx * x[0, i] + vy * x[1, i]) / radius
-        taken -= along * (v[2, i] + gained * net[2, i])
-        taken -= around * ((vy * x[0, i] - vx * x[1, i]) / radius - turning * radius / dt)
+        taken -= below[DAMPED, i] * (vx * x[0, i] + vy * x[1, i]) * inverse
+        taken -= below[DAMPED + 1, i] * (v[2, i] + gained * net[2, i])
+        around = (vy * x[0, i] - vx * x[1, i]) * inverse - turns * below[RATES, i]
+        taken -= below[DAMPED + 2, i] * around
     return taken
 
 

@@ -43,23 +43,27 @@ class Points(NamedTuple):
 
 # Rows of `Points.below`: of each of the nearest centre lines radius [m], z [m], how both go with
 # the wound angle [m/rad], distance at which they touch [m], 0 for none, number of the element that
-# it is of, -1 of cable at rest, share of the way along that, and its push in the last step [N].
-BELOW_ROWS, MOST_BELOW = 8, 4
+# it is of, -1 of cable at rest, share of the way along that, its push in the last step [N] if it is
+# integrated, and the inverse square of its length with the wound angle [1/m^2].
+BELOW_ROWS, MOST_BELOW = 9, 4
 # Then the wound angle that the node has gone since the look [rad], and from the last step whether
-# it lies on one, the sum of their pushes and its parts along radius, axis and circumference [N],
-# those of all dashpots on the node [N], and the sums of pushes times the rates of what moves below:
-# of its radius and z [N m/s], and of its angle over the surface [N rad/s]. Then the force of what
-# lies on the node, along radius, axis and circumference [N], and at last the node's own radius [m]
-# and the rates of that [m/s] and of its angle over the surface [rad/s].
+# it lies on cable, at rest (1) or integrated (2), the sum of their pushes and its parts along
+# radius, axis and circumference [N], those of all dashpots on the node [N], and the sums of pushes
+# times the rates of what moves below: of its radius and z [N m/s], and of its angle over the
+# surface [N rad/s]. Then the force of what lies on the node, along radius, axis and circumference
+# [N], and at last the node's own radius [m], the rates of that [m/s] and of its angle over the
+# surface [rad/s], and its inverse radius [1/m].
 GONE = BELOW_ROWS * MOST_BELOW
 PUSHES = GONE + 1
+DAMPED = PUSHES + 5
 LOADS = PUSHES + 11
 RATES = LOADS + 3
-BELOW_HEIGHT = RATES + 3
+INVERSE = RATES + 3
+BELOW_HEIGHT = INVERSE + 1
 
 
 # Share of the cylinder's stiffness that cable and flanges have. Turns that the lag pushes against
-# each other overlap by less than 0.01 d; the step beside cable allows for six of these springs.
+# each other overlap by less than 0.01 d.
 BESIDE = 0.6
 
 

@@ -19,9 +19,9 @@ from cable_fem_node.winding.validity import (
 # are longer each, until one has taken so much processor time [s] that what a call costs beside its
 # steps does not count.
 _TRIAL_STEPS, _LONGER, _TRIAL_S = 50, 2, 0.03
-# Where cable lies on cable a step is half as long and pushes both ways; a look [s] for each way in
-# distances of touching centre lines is beside it.
-_ON_CABLE, _LOOK_S, _LOOK_WAY = 2.5, 2.0e-4, 0.1
+# Where cable lies on cable a step is shorter and pushes both ways, of fewer elements; beside it is
+# a look [s] for each way in distances of touching centre lines.
+_ON_CABLE, _LOOK_S, _LOOK_WAY = 1.2, 1.0e-4, 0.1
 # Nodes of the rod that lie on the cylinder and are integrated although they do not move.
 _AWAKE_NODES = 32
 _REST_S = 0.2  # Cable comes to rest this long after it has landed [s]

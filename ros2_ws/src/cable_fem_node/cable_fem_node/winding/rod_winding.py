@@ -9,7 +9,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from cable_fem_node.dynamics.contact_springs import contact_energy, lying_energy, normal_forces
+from cable_fem_node.dynamics.contact_springs import (
+    contact_energy,
+    lying_energy,
+    normal_forces,
+    springs,
+    stable_step,
+)
 from cable_fem_node.dynamics.state import (
     LOSS_RELAXATION,
     WORK_SURFACE,
@@ -26,6 +32,7 @@ from cable_fem_node.rod.rod_records import (
     EMPTY,
     FULL,
     LANDING,
+    LOOK,
     RUNNING,
     STIRRED,
     STIRRED_ON_CABLE,
@@ -34,15 +41,15 @@ from cable_fem_node.rod.rod_records import (
     part_way,
 )
 from cable_fem_node.winding import resting_cable
-from cable_fem_node.winding.resolved_model import STILL_SHARE, STIRRED_SHARE
+from cable_fem_node.winding.resolved_model import STEP_SAFETY, STILL_SHARE, STIRRED_SHARE
 from cable_fem_node.winding.resting_cable import Fading, turned
 from cable_fem_node.winding.rod_nodes import WATCHED, RodNodes, WholeRod, kinetic_energy
-from cable_fem_node.winding.stillness import Stillness
+from cable_fem_node.winding.stillness import AWAKE_FOR, Stillness
 from cable_fem_node.winding.validity import refuse, rod_checks
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_kernels import advance_winding
 from cable_fem_node.winding.winding_model import NODE_DTYPE, WindingModel
-from cable_fem_node.winding.wound_surface import AHEAD, TURN, WoundSurface, unrolled
+from cable_fem_node.winding.wound_surface import AHEAD, TURN, WoundSurface, reach, unrolled
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_LOW
 from winding_core.machine.readings import GuidePlace
 from winding_core.markers import Markers
@@ -51,12 +58,16 @@ from winding_core.units import MILLIMETRE
 # Nodes that are laid and nevertheless integrated, counted from the landing point: waves of a noisy
 # load have decayed over them to a ten-thousandth.
 AWAKE = 20
-# Share of the stable step that is taken where cable lies on cable: springs of two neighbours and of
-# a flange may meet in one direction, and cable that falls off cable does so in a few steps.
-BESIDE_STEP = 0.5
 # By at least so many nodes the border moves when cable comes to rest, and by so many when it wakes.
 FEWEST_TO_REST = 8
 WOKEN = 16
+# The same where cable lies on cable. There no more stay awake than lie beside none of themselves,
+# whose springs would need half the step, but so many do; two more come between two looks.
+FEWEST_ON_CABLE, AWAKE_ON_CABLE, LANDED = 4, 6, 3
+# What falls off cable, faster across its way than the surface goes (0.5 to 0.8 of which have nodes
+# that land), moves by such a share of the distance of centre lines in a step; steps may be such a
+# share of the bare cylinder's, and are half of them for a while after it, as it bounces.
+FALL, SHORTEST, RESTLESS = 5.0e-4, 0.1, 0.5
 
 
 class RodWinding(WindingModel):
@@ -80,12 +91,14 @@ class RodWinding(WindingModel):
         guide = GuidePlace.beside(self._constants.contact_line, config.free_length)
         self._nodes = self._straight(guide)
         self._surface_rate = 0.0
-        self._last_step = self.step_limit
+        self._last_step, self._share, self._restless = self.step_limit, 1.0, 0.0
         on_cable = STILL_SHARE / STIRRED_SHARE * STIRRED_ON_CABLE * resolved.constants.touch.apart
         self._stillness = Stillness(resolved.still, on_cable)
         self._wound = WoundSurface(self._constants.touch.apart)
-        # The free span's nodes, those that stay awake, and as many as are worth being moved.
-        self._enough = self._nodes.total - 1 + AWAKE + WATCHED + FEWEST_TO_REST
+        self._free = self._nodes.total - 1  # Nodes of the span
+        turn = int(math.tau * resolved.wound_radius / (resolved.segment * resolved.stretch))
+        beside = turn - WATCHED - FEWEST_ON_CABLE - LANDED
+        self._beside = min(AWAKE, max(beside, AWAKE_ON_CABLE)), FEWEST_ON_CABLE
         self._initial_energy = self._stored(self._whole())
 
     def _straight(self, guide: GuidePlace) -> RodNodes:
@@ -204,19 +217,19 @@ class RodWinding(WindingModel):
             faded = float(self._nodes.viscous[1:, self._nodes.live - 2].sum())
             drive[LANDING, 1] = self.config.resolved.crept_landing(drive[TENSION, 1], faded)
         k, nodes = self._constants, self._nodes
-        left, done, total, part, beside = span, 0, 0, drive, nodes.below.size
+        left, done, total, part, share = span, 0, 0, drive, 0.0
         while not total or done < total:
-            if not total or bool(nodes.below.size) != bool(beside):
-                beside = nodes.below.size
-                step = self.step_limit * (BESIDE_STEP if beside else 1.0)
-                done, total = 0, max(1, math.ceil(left / step))
-                self._last_step = left / total
-            dt = self._last_step
+            beside = nodes.below.size
+            if self._share != share:
+                share = self._share
+                done, total = 0, max(1, math.ceil(left / (share * self.step_limit)))
+                dt = left / total
             end = Advance(
                 *advance_winding(
                     nodes.rod,
                     total - done,
                     dt,
+                    self._last_step,
                     self._surface_rate,
                     part,
                     k,
@@ -226,9 +239,10 @@ class RodWinding(WindingModel):
                 )
             )
             nodes.live, self._surface_rate = end.nodes, end.surface_rate
+            self._last_step = dt if end.steps else self._last_step
             done += end.steps
             self.element_steps += end.steps * (nodes.live - 1)
-            broken = np.flatnonzero(nodes.beyond_tables()) if end.status != RUNNING else ()
+            broken = () if end.status in (RUNNING, LOOK) else np.flatnonzero(nodes.beyond_tables())
             if end.status == DIVERGED or len(broken):
                 raise DivergenceError(
                     f"the winding diverged before t = {t:.6g} s at element "
@@ -256,8 +270,10 @@ class RodWinding(WindingModel):
                 self._wake(t, t - left, float(part[ANGLE, 0]))
             if end.status != RUNNING:
                 self._find_below(lying)
-        if nodes.live >= self._enough and self.config.rests and self._stillness.due(t):
-            self._look(t, float(drive[ANGLE, 1]))
+        awake, fewest = self._beside if nodes.below.size else (AWAKE, FEWEST_TO_REST)
+        enough = nodes.live >= self._free + awake + WATCHED + fewest
+        if enough and self.config.rests and self._stillness.due(t):
+            self._look(t, float(drive[ANGLE, 1]), awake, fewest)
 
     def _reached(self, t: float) -> str:
         """Return the sentence about cable that lies up to the guide before a time [s]."""
@@ -281,14 +297,15 @@ class RodWinding(WindingModel):
         nodes, k, wound = self._nodes, self._constants, self._wound
         begin = float(nodes.resting.row(resting_cable.THETA)[-1])
         path = unrolled(begin, nodes.position)
-        farthest, turn = float(path[0].max()), TURN - AHEAD * k.touch.apart / k.contact_line
+        laid, turn = nodes.laid(), TURN - AHEAD * k.touch.apart / k.contact_line
+        farthest, low = reach(path, laid, 2.0 * k.touch.apart)
         if farthest < turn:
             nodes.way = (turn - farthest) * k.contact_line
             return
         # Laid cable is lain on though it is still integrated.
-        over = farthest - begin > turn
+        over = low - begin > turn
         if over:
-            wound.lay(self._lines(path[:, : nodes.laid()]), rests=False)
+            wound.lay(self._lines(path[:, :laid]), rests=False)
         # As `touch_wound` sees them: chords join the nodes, and springs carry them.
         sunk = 2.0 * self._drive[LANDING] - k.start_radius - k.contact_line
         free = nodes.touching[: nodes.live] == 0
@@ -296,8 +313,28 @@ class RodWinding(WindingModel):
         if over:
             wound.lift(begin)
         nodes.look(found, float(self._drive[LANDING]))
+        self._share, now = 1.0, 0.0
+        if nodes.below.size:
+            now, stiffest, fastest = springs(nodes.points, k.touch, nodes.live, self._surface_rate)
+            self._share = self._step_share(stiffest, fastest)
         # Cable that turns up below is a surface that moves.
-        self._ledger[WORK_SURFACE] += self._lying() - lying
+        self._ledger[WORK_SURFACE] += now - lying
+
+    def _step_share(self, stiffest: float, fastest: float) -> float:
+        """Return the share of the bare cylinder's step that is stable and right on cable below.
+
+        Args:
+            stiffest: Stiffness that contact has at most [N/m].
+            fastest: Speed of what falls [m/s].
+        """
+        mass, touch = self._constants.mass, self._constants.touch
+        bare = mass * (2.0 * STEP_SAFETY / self.step_limit) ** 2 - touch.normal_stiffness
+        stable = stable_step(mass, bare, stiffest, touch) / self.step_limit
+        falls = FALL * touch.apart / max(fastest * self.step_limit, FALL * touch.apart)
+        if falls < 1.0:
+            self._restless = self.time + AWAKE_FOR
+        most = RESTLESS if self.time < self._restless else 1.0
+        return min(most, stable, max(falls, SHORTEST))
 
     def _lay(self, nodes: int) -> None:
         """Add the last resting nodes to the wound surface."""
@@ -311,16 +348,23 @@ class RodWinding(WindingModel):
         line, chords = self._constants.contact_line, self._constants.start_radius
         return np.stack([path[0], path[1], path[2] - (chords - line) * line / path[2]])
 
-    def _look(self, t: float, angle: float) -> None:
-        """Lay to rest what has not moved over the cylinder since the look before."""
+    def _look(self, t: float, angle: float, awake: int, fewest: int) -> None:
+        """Lay to rest what has not moved over the cylinder since the look before.
+
+        Args:
+            t: Time [s].
+            angle: Of the cylinder [rad].
+            awake: Laid nodes that do not rest.
+            fewest: Nodes that are worth being moved.
+        """
         nodes = self._nodes
-        candidates = max(1, nodes.laid() - AWAKE)
+        candidates = max(1, nodes.laid() - awake)
         # Between cable that it lies on, cable may bridge a gap.
         off = np.flatnonzero((nodes.touching[1:candidates] == 0) & (not nodes.below.size))
         held = 1 + int(off[0]) if off.size else candidates
         still = self._stillness.look(t, nodes.place(held, angle), nodes.below.size > 0)
         resting = still - 1 - WATCHED
-        if resting >= FEWEST_TO_REST:
+        if resting >= fewest:
             before = self._kinetic(nodes.points, resting + 1)
             self._ledger[LOSS_RELAXATION] += nodes.resting.fade(t)
             lying = self._lying()

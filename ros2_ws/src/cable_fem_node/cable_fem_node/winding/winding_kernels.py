@@ -92,6 +92,7 @@ def points_of(rows: FloatArray, touching: IntArray, below: FloatArray) -> Points
 def move_nodes(
     elements: int,
     dt: float,
+    kick: float,
     rate: float,
     guide_speed: tuple[float, float, float],
     cable: Points,
@@ -106,11 +107,12 @@ def move_nodes(
     does not. Damping towards the lab frame would add false tension, and damping towards the
     straight span would press a stiff cable, which lands on a curve, against the cylinder. What
     the guide's velocity [m/s] has across the span turns the span; along it cable slips through.
+    Forces act for the mean of the steps that meet where they are taken, `kick` [s].
     """
     x, v = cable.position, cable.velocity
-    half = 0.5 * k.damping_rate * dt
+    half = 0.5 * k.damping_rate * kick
     decay = (1.0 - half) / (1.0 + half)
-    push = dt / (k.mass * (1.0 + half))
+    push = kick / (k.mass * (1.0 + half))
     feed = -0.5 * k.contact_line * rate
     dx, dy = tangent[0, elements - 1], tangent[1, elements - 1]
     turning = (guide_speed[1] * dx - guide_speed[0] * dy) / k.free_length
@@ -134,7 +136,7 @@ def move_nodes(
         x[0, i] = px + dt * v[0, i]
         x[1, i] = py + dt * v[1, i]
         x[2, i] += dt * v[2, i]
-    return k.mass * k.damping_rate * dt * loss
+    return k.mass * k.damping_rate * kick * loss
 
 
 @called
@@ -144,6 +146,18 @@ def landing_node(elements: int, touching: IntArray) -> int:
     while node > 0 and touching[node] == 0:
         node -= 1
     return node
+
+
+@called
+def reached(edge: int, elements: int, square_landing: float, cable: Points) -> int:
+    """Return one past the last node that touches, lands (radius squared) or has cable below."""
+    end = elements
+    while end > edge + 1 and cable.below[4, end - 1] == 0.0:
+        x, y = cable.position[0, end - 1], cable.position[1, end - 1]
+        if x * x + y * y < square_landing:
+            break
+        end -= 1
+    return max(end, 2)
 
 
 @called
@@ -158,6 +172,7 @@ def advance_winding(
     rod: RodState,
     steps: int,
     dt: float,
+    before: float,
     surface_rate: float,
     drive: FloatArray,
     k: Constants,
@@ -174,6 +189,7 @@ def advance_winding(
         rod: Nodes and elements, changed, and how the cylinder holds node 0.
         steps: Number of steps to take.
         dt: Step [s].
+        before: Length of the step before the first [s], in which velocities are at its middle.
         surface_rate: Angular speed of the cylinder in the step before the first [rad/s].
         drive: Shape (9, 2), rows ANGLE .. EYE_Y.
         k: Constants.
@@ -207,7 +223,7 @@ def advance_winding(
     cosine, sine = math.cos(angle), math.sin(angle)
     first[2] = tie[TIE_ALONG, 2]
     taken, status = steps, RUNNING
-    lies = cable.below.shape[0] > 0
+    lies, touch = cable.below.shape[0] > 0, k.touch
     stirred = STIRRED_ON_CABLE * k.touch.apart if lies else k.stirred
 
     for step in range(steps):
@@ -255,7 +271,7 @@ def advance_winding(
                 net[c, i] = force[c, i] - force[c, i - 1]
         edge = landing_node(elements, touching)
         surface = Surface(
-            turned=surface_rate * dt,
+            turned=surface_rate * before,
             turning=rotation,
             landing=landing,
             rolling=k.rolling,
@@ -264,11 +280,15 @@ def advance_winding(
             gripped=edge - k.late if rate > 0.0 and terms == 0 else nodes,
         )
         if lies:
-            touch_wound(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
+            # Of the span nothing touches.
+            near = reached(edge, elements, landing * landing, cable)
+            touch_wound(1, near, before, surface, cable, mass, net, work.couple, touch, ledger)
         else:
-            touch_cylinder(1, elements, dt, surface, cable, mass, net, work.couple, k.touch, ledger)
+            touch_cylinder(
+                1, elements, before, surface, cable, mass, net, work.couple, touch, ledger
+            )
         if k.touch.low > -math.inf:
-            touch_flanges(1, elements, dt, cable, mass, net, k.touch, ledger)
+            touch_flanges(1, elements, before, cable, mass, net, k.touch, ledger)
         if k.rolling:
             roll_nodes(elements, dt, cable, work, k)
         next_x = drive[EYE_X, 0] + share * (drive[EYE_X, 1] - drive[EYE_X, 0])
@@ -282,12 +302,15 @@ def advance_winding(
         aside_x = force[0, end] - pull * tangent[0, end]
         aside_y = force[1, end] - pull * tangent[1, end]
         aside = force[2, end] - pull * tangent[2, end]
-        work_at_guide = pull * along(tangent, v, end) + aside * v[2, elements]
-        work_at_guide += aside_x * v[0, elements] + aside_y * v[1, elements]
-        ledger[LOSS_DAMPING] += move_nodes(elements, dt, rate, guide_speed, cable, tangent, net, k)
-        work_at_guide += pull * along(tangent, v, end) + aside * guide_speed[2]
-        work_at_guide += aside_x * guide_speed[0] + aside_y * guide_speed[1]
-        ledger[WORK_SPAN] += 0.5 * dt * work_at_guide
+        done = pull * along(tangent, v, end) + aside * v[2, elements]
+        done += aside_x * v[0, elements] + aside_y * v[1, elements]
+        kick = 0.5 * (before + dt)
+        ledger[LOSS_DAMPING] += move_nodes(
+            elements, dt, kick, rate, guide_speed, cable, tangent, net, k
+        )
+        follows = pull * along(tangent, v, end) + aside * guide_speed[2]
+        follows += aside_x * guide_speed[0] + aside_y * guide_speed[1]
+        ledger[WORK_SPAN] += 0.5 * (before * done + dt * follows)
 
         # Prescribed ends: node 0 and its clamp turn with the surface, the guide goes as it is led.
         angle = next_angle
@@ -295,14 +318,14 @@ def advance_winding(
         tie_x = cosine * tie[TIE_PLACE, 0] - sine * tie[TIE_PLACE, 1]
         tie_y = sine * tie[TIE_PLACE, 0] + cosine * tie[TIE_PLACE, 1]
         moment = slope[0] * (first[0] * tangent[1, 0] - first[1] * tangent[0, 0])
-        ledger[WORK_TIE] -= 0.5 * force[0, 0] * (tie_x - x[0, 0] + dt * v[0, 0])
-        ledger[WORK_TIE] -= 0.5 * force[1, 0] * (tie_y - x[1, 0] + dt * v[1, 0])
-        ledger[WORK_TIE] += 0.5 * moment * (rotation + surface_rate * dt)
+        ledger[WORK_TIE] -= 0.5 * force[0, 0] * (tie_x - x[0, 0] + before * v[0, 0])
+        ledger[WORK_TIE] -= 0.5 * force[1, 0] * (tie_y - x[1, 0] + before * v[1, 0])
+        ledger[WORK_TIE] += 0.5 * moment * (rotation + surface_rate * before)
         x[0, 0], x[1, 0], x[2, 0] = tie_x, tie_y, tie[TIE_PLACE, 2]
         v[0, 0], v[1, 0], v[2, 0] = -rate * tie_y, rate * tie_x, 0.0
         x[0, elements], x[1, elements], x[2, elements] = next_x, next_y, next_guide
         v[0, elements], v[1, elements], v[2, elements] = guide_speed
-        surface_rate = rate
+        surface_rate, before = rate, dt
 
         ex = x[0, elements] - x[0, end]
         ey = x[1, elements] - x[1, end]

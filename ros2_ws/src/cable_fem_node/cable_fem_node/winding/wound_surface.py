@@ -7,7 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cable_fem_node.dynamics.compile import called, kernel
-from cable_fem_node.dynamics.state import BELOW_HEIGHT, BELOW_ROWS, MOST_BELOW, FloatArray, IntArray
+from cable_fem_node.dynamics.contact_springs import springs
+from cable_fem_node.dynamics.state import (
+    BELOW_HEIGHT,
+    BELOW_ROWS,
+    MOST_BELOW,
+    FloatArray,
+    IntArray,
+    empty_points,
+    penalty,
+)
+from cable_fem_node.rod.rod_records import part_way
 
 TURN = 2.0 * math.pi
 LINES = 128  # Lines along the cylinder that the cable's crossings are kept of
@@ -54,12 +64,16 @@ class WoundSurface:
         self._highest = 0.0  # Radius of the centre line of any cable so far [m]
 
     def compile(self) -> None:
-        """Load or build the machine code of its kernels."""
+        """Load or build the machine code of what a look needs."""
         path = np.array([[0.0, 0.1], [0.0, 0.0], [1.0, 1.0]])
         trial = WoundSurface(self._apart)
         trial.lay(path)
         trial.below(path, np.zeros(2), np.ones(2, dtype=bool))
         trial.lift(0.0)
+        reach(unrolled(0.0, np.ones((3, 4))[:, :2]), 1, self._apart)
+        points = empty_points(2)._replace(below=np.zeros((BELOW_HEIGHT, 2)))
+        springs(points, penalty(1.0, 1.0, friction=0.0, stick_share=1.0), 2, 0.0)
+        part_way(np.ones((9, 2)), 0.5, 1.0)
 
     def lay(self, path: FloatArray, rests: bool = True) -> None:
         """Add cable.
@@ -99,22 +113,10 @@ class WoundSurface:
             lower: By how much their centre line is lower [m], shape (n,).
             free: Which of them do not turn with the surface, shape (n,).
         """
-        theta, z, radius = path
-        centre = np.stack([theta, z, radius - lower])
-        out = np.zeros((BELOW_HEIGHT, path.shape[1]))
+        n = path.shape[1]
+        out, room = np.zeros((BELOW_HEIGHT, n)), np.empty((3, n))
         surface = (self._cell, self._first, self._top, self._crossings, self._before)
-        gaps = _below(centre, self._apart, *surface, out)
-        over = self._highest + self._apart + float(lower.max(initial=0.0))
-        above = radius > over
-        least = float(gaps[free & ~above].min(initial=_SOUGHT * self._apart))
-        if near := gaps.min() <= _NEAR * self._apart:
-            gaps[:] = _KEPT * self._apart
-        # What lands comes down rather than aside: 0.9^2 + 0.4^2 < 1.
-        room = np.stack([np.maximum(radius - 0.9 * gaps, 0.0), z - 0.4 * gaps, z + 0.4 * gaps])
-        # Above all cable there is none to lie on.
-        room[:, above] = [[over], [-math.inf], [math.inf]]
-        room[0] **= 2
-        way = max(_WAY * self._apart, 0.0 if near else least)
+        near, way = _below(path, lower, free, self._apart, self._highest, *surface, out, room)
         return CableBelow(out if near else out[:0], room, way)
 
     def _make_room(self, low: float, high: float) -> None:
@@ -145,6 +147,23 @@ def unrolled(theta: float, position: FloatArray) -> FloatArray:
         path[0, i], path[1, i], path[2, i] = theta, position[2, i], math.sqrt(u * u + v * v)
         x, y = u, v
     return path
+
+
+@kernel
+def reach(path: FloatArray, laid: int, above: float) -> tuple[float, float]:
+    """Return the greatest wound angles of nodes and of those not far above the laid ones [rad].
+
+    Args:
+        path: See `unrolled`.
+        laid: How many nodes are laid.
+        above: How far is far [m].
+    """
+    over, farthest, low = path[2, :laid].max() + above, path[0, 0], path[0, 0]
+    for i in range(path.shape[1]):
+        farthest = max(farthest, path[0, i])
+        if path[2, i] < over:
+            low = max(low, path[0, i])
+    return farthest, low
 
 
 @kernel
@@ -206,34 +225,59 @@ def _lift(
 @kernel
 def _below(
     path: FloatArray,
+    lower: FloatArray,
+    free: NDArray[np.bool_],
     apart: float,
+    highest: float,
     cell: float,
     first: int,
     top: IntArray,
     crossings: FloatArray,
     before: IntArray,
     out: FloatArray,
-) -> FloatArray:
-    """Write the nearest centre lines of every node; return its gap to the nearest (n,) [m]."""
+    room: FloatArray,
+) -> tuple[bool, float]:
+    """Write the nearest centre lines and the room of every node; see `CableBelow`.
+
+    Returns:
+        whether any is near, and the way.
+    """
     step, cells, reach = TURN / LINES, top.shape[1], (1.0 + _SOUGHT) * apart
     gaps = np.zeros(MOST_BELOW)
-    theta, z, radius = path
-    least = np.empty(theta.size)
-    for i in range(theta.size):
+    theta, z = path[0], path[1]
+    n = theta.size
+    centre, least = path.copy(), np.empty(n)
+    centre[2] -= lower
+    over = highest + apart + max(lower.max(), 0.0)
+    nearest, way = _SOUGHT * apart, _SOUGHT * apart
+    for i in range(n):
         line = int(round(theta[i] / step))  # noqa: RUF046
         row = line % LINES
         gaps[:], least[i] = _REACH * apart, _SOUGHT * apart
         low, high = math.floor((z[i] - reach) / cell), math.floor((z[i] + reach) / cell)
         for column in range(max(low - first, 0), min(high - first, cells - 1) + 1):
             k = top[row, column]
-            while k >= 0 and crossings[k, _RADIUS] > radius[i] - reach:
+            while k >= 0 and crossings[k, _RADIUS] > centre[2, i] - reach:
                 # Not the cable's own neighbourhood.
                 if theta[i] - crossings[k, _THETA] >= 0.5 * TURN:
                     ahead = theta[i] - line * step
-                    gap = _note(i, ahead, path, apart, crossings[k], gaps, out)
+                    gap = _note(i, ahead, centre, apart, crossings[k], gaps, out)
                     least[i] = min(least[i], gap)
                 k = before[k]
-    return least
+        nearest = min(nearest, least[i])
+        if free[i] and path[2, i] <= over:
+            way = min(way, least[i])
+    near = nearest <= _NEAR * apart
+    for i in range(n):
+        gap = _KEPT * apart if near else least[i]
+        # What lands comes down rather than aside: 0.9^2 + 0.4^2 < 1.
+        room[0, i] = max(path[2, i] - 0.9 * gap, 0.0)
+        room[1, i], room[2, i] = z[i] - 0.4 * gap, z[i] + 0.4 * gap
+        if path[2, i] > over:
+            # Above all cable there is none to lie on.
+            room[0, i], room[1, i], room[2, i] = over, -math.inf, math.inf
+        room[0, i] *= room[0, i]
+    return near, max(_WAY * apart, 0.0 if near else way)
 
 
 @called
@@ -278,6 +322,7 @@ def _note(
     gaps[to], to = gap, BELOW_ROWS * to
     out[to, i], out[to + 1, i], out[to + 2, i], out[to + 3, i] = at, there, rise, slope
     out[to + 4, i], out[to + 5, i], out[to + 6, i] = distance, crossing[_ELEMENT], 0.0
+    out[to + 8, i] = 1.0 / (at * at + rise * rise + slope * slope)
     element = int(crossing[_ELEMENT])
     if element >= 0:
         begin = path[0, element]
