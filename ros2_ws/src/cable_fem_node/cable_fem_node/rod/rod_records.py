@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cable_fem_node.dynamics.compile import kernel
 from cable_fem_node.dynamics.state import ContactLaw, FloatArray, IntArray
 from winding_core.cable.material_law import TABLE_HIGH, TABLE_INTERVALS, TABLE_LOW, MaterialLaw
 from winding_core.cable.prony import PronySeries
@@ -146,7 +145,6 @@ ANGLE, SPEED, GUIDE, FEED, TENSION, STRETCH, LANDING, EYE_X, EYE_Y = range(9)
 TIE_PLACE, TIE_ALONG, TIE_WATCHED = range(3)
 
 
-@kernel
 def part_way(drive: FloatArray, u: float, span: float) -> FloatArray:
     """Return the drive with its first column moved to the share u of the way."""
     part = drive.copy()

@@ -66,7 +66,7 @@ WOKEN = 16
 FEWEST_ON_CABLE, AWAKE_ON_CABLE, LANDED = 4, 6, 3
 # What falls off cable, faster across its way than the surface goes (0.5 to 0.8 of which have nodes
 # that land), moves by such a share of the distance of centre lines in a step; steps may be such a
-# share of the bare cylinder's, and are half of them for a while after it, as it bounces.
+# share of the bare cylinder's, and are half of them for a while after it, and beside bare flanges.
 FALL, SHORTEST, RESTLESS = 5.0e-4, 0.1, 0.5
 
 
@@ -91,7 +91,8 @@ class RodWinding(WindingModel):
         guide = GuidePlace.beside(self._constants.contact_line, config.free_length)
         self._nodes = self._straight(guide)
         self._surface_rate = 0.0
-        self._last_step, self._share, self._restless = self.step_limit, 1.0, 0.0
+        self._bare = 1.0 if config.drum is None else RESTLESS
+        self._last_step, self._share, self._restless = self.step_limit, self._bare, 0.0
         on_cable = STILL_SHARE / STIRRED_SHARE * STIRRED_ON_CABLE * resolved.constants.touch.apart
         self._stillness = Stillness(resolved.still, on_cable)
         self._wound = WoundSurface(self._constants.touch.apart)
@@ -313,7 +314,7 @@ class RodWinding(WindingModel):
         if over:
             wound.lift(begin)
         nodes.look(found, float(self._drive[LANDING]))
-        self._share, now = 1.0, 0.0
+        self._share, now = self._bare, 0.0
         if nodes.below.size:
             now, stiffest, fastest = springs(nodes.points, k.touch, nodes.live, self._surface_rate)
             self._share = self._step_share(stiffest, fastest)

@@ -17,7 +17,6 @@ from cable_fem_node.dynamics.state import (
     empty_points,
     penalty,
 )
-from cable_fem_node.rod.rod_records import part_way
 
 TURN = 2.0 * math.pi
 LINES = 128  # Lines along the cylinder that the cable's crossings are kept of
@@ -73,7 +72,6 @@ class WoundSurface:
         reach(unrolled(0.0, np.ones((3, 4))[:, :2]), 1, self._apart)
         points = empty_points(2)._replace(below=np.zeros((BELOW_HEIGHT, 2)))
         springs(points, penalty(1.0, 1.0, friction=0.0, stick_share=1.0), 2, 0.0)
-        part_way(np.ones((9, 2)), 0.5, 1.0)
 
     def lay(self, path: FloatArray, rests: bool = True) -> None:
         """Add cable.
