@@ -201,4 +201,4 @@ def test_the_first_and_the_newest_laps_are_explained_whatever_the_length(laps: i
     rows[:, LAP] = np.repeat(np.arange(laps), 20)
     kept = Seen.of(**{**vars(one), "rows": rows}).rows
     assert len(kept) <= 400
-    assert set(kept[:, LAP]) == {0, 1, *range(laps - 4, laps)}
+    assert set(kept[:, LAP]) == {0, 1, 2, *range(laps - 3, laps)}

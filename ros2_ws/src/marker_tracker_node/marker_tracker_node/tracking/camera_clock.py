@@ -21,24 +21,24 @@ import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.encoder_history import HALF_SPAN, INTERPOLATED, EncoderHistory
+from marker_tracker_node.tracking.encoder_history import (
+    HALF_SPAN,
+    INTERPOLATED,
+    ROWS,
+    EncoderHistory,
+)
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE
 from marker_tracker_node.tracking.estimator.numbers import CLOCK, FOCAL, NUMBERS, TIMES
-from marker_tracker_node.tracking.frame.gate_prediction import JUMP_THETA
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH
+from marker_tracker_node.tracking.frame.laid_path import (
+    BAND_REACH,
+    LOOK_STEP,
+    PROOF_ADVANCE,
+)
 from marker_tracker_node.tracking.frame.run_means import ENCODER_TRUST, MEMORY, REFERENCE_FRAMES
 from winding_core.units import MILLISECOND
 
-# Sightings kept of each band; one that moved by less, and aged by less than a speed is taken over,
-# shows the same as the last [rad].
-ROWS = 128
-SPACING_ANGLE = 0.02
-# An offset that leaves less than this share of the sightings within the encoder's readings is none.
-COVERED = 0.5
 # One azimuth errs by so much, and by so much together with all others at its speed [rad].
-SCATTER, SYSTEMATIC = 1.0e-3, 2.5e-4
-# The biases of an azimuth grow towards the edge of the cylinder: weight cos^FACING.
-FACING = 4
+AZIMUTH_SIGMA, SYSTEMATIC = 1.0e-3, 2.5e-4
 # Of weights that fall with the misfit, which change little after these.
 STEPS = 4
 # Frames from one estimate to the next; a known one waits for as many of those.
@@ -108,10 +108,12 @@ class ClockOffset:
     def _store(self, n: int, t: float, azimuth: float) -> None:
         place, last = self._place[n], self._place[n] - 1
         turned, passed = abs(azimuth - self._azimuth[n, last]), t - self._t[n, last]
-        if self._weight[n, last] and turned < SPACING_ANGLE and passed < HALF_SPAN:
+        # One that moved by less, and aged by less than a speed is taken over, shows the same.
+        if self._weight[n, last] and turned < 2.0 * LOOK_STEP and passed < HALF_SPAN:
             return
         self._t[n, place], self._azimuth[n, place] = t, azimuth
-        self._weight[n, place] = max(math.cos(azimuth), 0.0) ** FACING
+        # A pixel covers the more of an azimuth the less that faces the camera.
+        self._weight[n, place] = max(math.cos(azimuth), 0.0) ** 2
         self._angle[n, place] = np.nan
         self._place[n] = (place + 1) % ROWS
 
@@ -138,9 +140,10 @@ class ClockOffset:
             mean = (robust * residual).sum(axis=1) / np.maximum(
                 robust.sum(axis=1), LEAST_INFORMATION
             )
-            square = ((residual - mean[:, None]) / (SURE * SCATTER)) ** 2
+            square = ((residual - mean[:, None]) / (SURE * AZIMUTH_SIGMA)) ** 2
             robust = weight / (1.0 + square)
-        usable = np.flatnonzero(count > COVERED * count.max())
+        # An offset with which most sightings lie outside of the encoder's readings is none.
+        usable = np.flatnonzero(2.0 * count > count.max())
         if not usable.size:
             return ClockEstimate()
         cost = SURE**2 * (weight * np.log1p(square)).sum(axis=(0, 1))[usable] / count[usable]
@@ -155,20 +158,19 @@ class ClockOffset:
         """Return the offset [s] of least squares, about one that is nearly right."""
         error, robust = math.inf, self._weight
         for _ in range(STEPS):
-            place = min(
-                max((offset - self._offsets[0]) / INTERPOLATED, 0.0), self._offsets.size - 1.001
-            )
-            before, after = np.moveaxis(self._angle[:, :, int(place) : int(place) + 2], 2, 0)
+            place = max((offset - self._offsets[0]) / INTERPOLATED, 0.0)
+            low = min(int(place), self._offsets.size - 2)
+            before, after = np.moveaxis(self._angle[:, :, low : low + 2], 2, 0)
             seen = np.isfinite(before + after)
             speed = np.where(seen, before - after, 0.0) / INTERPOLATED
-            angle = np.where(seen, before, 0.0) - INTERPOLATED * (place % 1.0) * speed
+            angle = np.where(seen, before, 0.0) - INTERPOLATED * min(place - low, 1.0) * speed
             robust = np.where(seen, robust, 0.0)
             # What is left, and how it goes with offset and share, of each band about its mean.
             rows = np.array([np.where(seen, self._azimuth - angle, 0.0), -speed, angle])
             mean = (robust * rows).sum(axis=2) / np.maximum(robust.sum(axis=1), LEAST_INFORMATION)
             left, *columns = np.where(seen, rows - mean[:, :, None], 0.0)
             normal = np.einsum("ank,bnk,nk->ab", columns, columns, robust)
-            normal[1, 1] += (SCATTER / MOTION_SIGMA) ** 2
+            normal[1, 1] += (AZIMUTH_SIGMA / MOTION_SIGMA) ** 2
             information = float(normal[0, 0] - normal[0, 1] ** 2 / normal[1, 1])
             if information < LEAST_INFORMATION:
                 break
@@ -177,9 +179,9 @@ class ClockOffset:
             left -= np.einsum("a,ank->nk", step, columns)
             count, square = float(robust.sum()), float((robust * left * left).sum())
             error = math.sqrt(
-                (max(square / count, SCATTER**2) + count * SYSTEMATIC**2) / information
+                (max(square / count, AZIMUTH_SIGMA**2) + count * SYSTEMATIC**2) / information
             )
-            scatter = max(1.4826 * float(np.median(np.abs(left[seen]))), SCATTER)
+            scatter = max(1.4826 * float(np.median(np.abs(left[seen]))), AZIMUTH_SIGMA)
             robust = self._weight / (1.0 + (left / (SURE * scatter)) ** 2)
         if abs(offset) >= self._offsets[-1]:
             offset, error = 0.0, math.inf
@@ -223,7 +225,7 @@ class CameraClock:
         self.doubt = np.zeros(config.marker_count + 1)
         self._history = history
         self._offset = ClockOffset(history, config.marker_count + 1, settings.limit)
-        self._tolerance = max(LENGTH_SHARE * config.expected_gap, SURE * SCATTER)
+        self._tolerance = max(LENGTH_SHARE * config.expected_gap, SURE * AZIMUTH_SIGMA)
         self._gap = config.expected_gap
         self._fastest = 0.0
         # Mean speed at which the tracker's shift was measured, and its weight in frames.
@@ -281,7 +283,7 @@ class CameraClock:
             self._usual += (speed - self._usual) / self._weight
             if not self._shown:
                 found = float(azimuths[0]) - self._read(t)
-                near = not abs(found - estimate.shift) > JUMP_THETA
+                near = not abs(found - estimate.shift) > PROOF_ADVANCE
                 self._astray = math.nan if near else found
             self._missed, self._shown = 0, True
         else:

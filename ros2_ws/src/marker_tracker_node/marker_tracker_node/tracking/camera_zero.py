@@ -13,32 +13,26 @@ from marker_tracker_node.camera.pinhole import CameraPose, PinholeCamera, plane_
 from marker_tracker_node.detection.band import Band, solve_band
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError
 from marker_tracker_node.detection.colour_band import WHOLE_AREA
+from marker_tracker_node.tracking.camera_clock import AZIMUTH_SIGMA
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE, fitted
-from marker_tracker_node.tracking.estimator.numbers import NUMBERS, ROLL, TILT, ZERO
+from marker_tracker_node.tracking.estimator.numbers import CLOCK, NUMBERS, ROLL, TILT, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem, Seen
 from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, PROOF_ADVANCE
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LOOK_STEP, PROOF_HITS
+from marker_tracker_node.tracking.frame.run_means import REFERENCE_FRAMES
 from marker_tracker_node.tracking.machine_motion import STILL
 from marker_tracker_node.tracking.p0_search import locate_marker
 from marker_tracker_node.tracking.state import Burst, Setup
 
-# Frames at rest: their scatter is a quarter of one frame's then.
-REST_FRAMES = 16
 # More than a level along an edge leaves is no tilt of a mount that was set with one, but a camera
 # that was moved or an encoder that is not zeroed [rad].
 MOST_TURN = SIGNIFICANT * NUMBERS[ROLL].doubt
 # Poses that differ by less in a picture are the same [px], and what was measured with either stays.
 SAME_PICTURE = 0.5
-# A pass is seen at an even speed; so many are looked at.
-PASS_EVENNESS, MOST_PASSES = 0.1, 3
-# It counts if it shows the turn so well, and replaces frames at rest that it contradicts [rad].
-PASS_SIGMA, CONTRADICTION = 1.0e-3, 1.5e-3
 _TILTS = range(TILT, ROLL)
 # Of a band beside which no turn lies.
 _ALONE = Band(0.0, 0.0, 0.0)[5:]
-# P0 is sought, and its pass seen, in frames so far apart [rad].
-LOOK_STEP = 0.1 * PROOF_ADVANCE
 
 
 class CameraZero:
@@ -75,7 +69,7 @@ class CameraZero:
         An uncorrected milliradian would shift every wound angle by 20 on a small cylinder. The
         angle is that of the cylinder where P0 lands at zero [rad], nan where it is missing.
         """
-        if math.isnan(angle) or not self._rests(angle) or len(self._rest) >= REST_FRAMES:
+        if math.isnan(angle) or not self._rests(angle) or len(self._rest) >= REFERENCE_FRAMES:
             return False
         place = math.remainder(angle, math.tau)
         if abs(place) > BAND_REACH:
@@ -125,19 +119,20 @@ class CameraZero:
         """
         self._passed.clear()
         self._passes += 1
-        self.done = self._passes >= MOST_PASSES
+        self.done = self._passes >= PROOF_HITS
         if len(rows) < LEAST_ROWS:
             return False
         speed = np.gradient(rows[:, 1], rows[:, 0])
-        if np.ptp(speed) > PASS_EVENNESS * abs(speed).mean():
+        if np.ptp(speed) * NUMBERS[CLOCK].doubt > AZIMUTH_SIGMA:
             # A camera whose clock is off sees P0 elsewhere at every speed.
             return False
         turn, sigma = self._explained(rows[:, 1:], self.pose, (*_TILTS, ZERO))
-        known = sigma <= PASS_SIGMA
+        # It counts if it shows the turn as well as a single azimuth is known.
+        known = sigma <= AZIMUTH_SIGMA
         self.done |= bool(known.all())
         self._pass_known |= bool(known.all())
         before = np.subtract(self.pose.tilt[:2], self._config.pose.tilt[:2])
-        least = np.maximum(CONTRADICTION, SURE * sigma) if self._rest else sigma
+        least = SURE * np.maximum(sigma, 0.5 * AZIMUTH_SIGMA) if self._rest else sigma
         new = known & (np.abs(turn - before) > least)
         return bool(new.any()) and self._turn(np.where(known, turn, before))
 

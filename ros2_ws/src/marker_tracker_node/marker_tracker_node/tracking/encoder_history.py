@@ -8,16 +8,16 @@ import numpy as np
 
 from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.machine_motion import lost_turns
+from marker_tracker_node.tracking.state import KEPT
 
-# Four seconds at 2 kHz: a node in arrears meets frames two seconds behind the encoder.
-KEPT = 8192
-SAMPLED = 64
+# Newest readings that tell the period, and newest sightings of a band that tell the clock.
+ROWS = 128
 # Over so long angles are interpolated: in a ramp of 1.74 rad/s^2 that errs by 0.1 mrad [s]. Gaps of
 # so many periods are, where readings are lost in succession.
 INTERPOLATED = 0.02
 BRIDGED_PERIODS = 5.0
 # Speeds are differences over this to either side [s]: of 8192 counts a turn one is 4 mrad/s.
-HALF_SPAN = 0.1
+HALF_SPAN = BRIDGED_PERIODS * INTERPOLATED
 
 
 class EncoderHistory:
@@ -72,8 +72,8 @@ class EncoderHistory:
         self._count += 1
         self._seen = self._count
         self._added += 1
-        if self._added in (4, 16) or self._added % SAMPLED == 0:
-            self.period = float(np.median(np.diff(self._times[-SAMPLED:])))
+        if self._added in (4, 16) or self._added % ROWS == 0:
+            self.period = float(np.median(np.diff(self._times[-ROWS:])))
 
     def look_up_to(self, t: float) -> None:
         """Leave out what came after the first reading at t or later [s], until the next one comes.

@@ -15,18 +15,22 @@ from marker_tracker_node.tracking.estimator.numbers import NUMBERS, PLACE, TILT,
 from marker_tracker_node.tracking.estimator.verdict import AS_WELL, LEAST_ALONE
 from marker_tracker_node.tracking.frame.laid_path import (
     BAND_REACH,
+    FARTHEST,
     GAP_SIGMA,
     LAY_SIGMA,
     OFFSET_SIGMA,
+    SAME_ANGLE,
     SAME_HEIGHT,
 )
-from marker_tracker_node.tracking.p0_search import SAME_ANGLE, MovingBand
+from marker_tracker_node.tracking.p0_search import MovingBand
 from marker_tracker_node.tracking.state import PATH_STEP, Marks
 
 # Offsets of the guide that are tried [m], and ratios of the gaps to the expected one: to twice
 # what is set, and a half; so finely that the nearest one is a deviation off at most.
-_OFFSETS = SAME_HEIGHT * np.arange(-20.0, 20.5)[:, None, None, None]
-_RATIOS = np.exp(0.4 * GAP_SIGMA * np.arange(-22.0, 22.5))[:, None, None]
+_FAR = math.ceil(FARTHEST * OFFSET_SIGMA / SAME_HEIGHT)
+_OFFSETS = SAME_HEIGHT * np.arange(-_FAR, _FAR + 1.0)[:, None, None, None]
+_DOUBLE = math.ceil(2.0 * math.log(2.0) / GAP_SIGMA)
+_RATIOS = np.exp(0.5 * GAP_SIGMA * np.arange(-_DOUBLE, _DOUBLE + 1.0))[:, None, None]
 
 # Gives z of the laid cable, see `Tracks.paths` [m], where the encoder reads so at P0 [rad].
 Paths = Callable[[float], FloatArray]

@@ -22,9 +22,9 @@ from marker_tracker_node.tracking.state import (
 )
 from winding_core.compiling import called, compiled
 
-# Bounds of what is expected of a cylinder whose encoder is out [rad/s, s].
-FASTEST = 100.0
-LONGEST_GUESS = 10.0
+# No more than 160 turns are expected of a cylinder between two frames, or while its encoder is out
+# [rad]: each of them is looked at.
+MOST_GUESS = 1.0e3
 # Share of an error that a prediction takes in a frame.
 GAIN = 0.3
 # The reading of a machine that has not turned so far [rad] tells the guide's place where P0 lands.
@@ -57,7 +57,7 @@ def follow_encoder(cylinder: Cylinder, t: float, encoder: float) -> None:  # pra
         cylinder.read = encoder
     else:
         passed = t - cylinder.time
-        expected = cylinder.angle + cylinder.rate * min(passed, LONGEST_GUESS)
+        expected = cylinder.angle + min(max(cylinder.rate * passed, -MOST_GUESS), MOST_GUESS)
         if blind:
             cylinder.angle = expected
         else:
@@ -66,9 +66,8 @@ def follow_encoder(cylinder: Cylinder, t: float, encoder: float) -> None:  # pra
                 cylinder.wraps += lost_turns(step, expected - cylinder.read)
             angle = encoder + cylinder.wraps
             if not cylinder.blind:
-                rate = cylinder.rate
-                rate += GAIN * ((angle - cylinder.angle) / passed - rate)
-                cylinder.rate = min(max(rate, -FASTEST), FASTEST)
+                rate = (angle - cylinder.angle) / passed
+                cylinder.rate += GAIN * (rate - cylinder.rate)
             cylinder.angle = cylinder.read = angle
     cylinder.time = t
     cylinder.started = True

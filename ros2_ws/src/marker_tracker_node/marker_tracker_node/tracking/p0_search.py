@@ -21,10 +21,16 @@ from marker_tracker_node.detection.gate import empty_gates
 from marker_tracker_node.tracking.config import TrackerConfig
 from marker_tracker_node.tracking.estimator.numbers import NUMBERS, PLACE
 from marker_tracker_node.tracking.estimator.verdict import SIGNIFICANT
-from marker_tracker_node.tracking.frame.acquisition import PROOF_HITS
 from marker_tracker_node.tracking.frame.gate_prediction import axis_scale, predict_gate
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, PROOF_ADVANCE, SAME_HEIGHT
-from marker_tracker_node.tracking.state import Setup
+from marker_tracker_node.tracking.frame.laid_path import (
+    BAND_REACH,
+    PROOF_ADVANCE,
+    PROOF_HITS,
+    SAME_ANGLE,
+    SAME_HEIGHT,
+    USUAL_SCALE,
+)
+from marker_tracker_node.tracking.state import CANDIDATES, Setup
 
 # How far P0 may appear from its place before the camera's pose was ever refined [m]: as far as one
 # that was set with a tape measure stands off.
@@ -34,8 +40,6 @@ SATURATIONS = np.arange(0.45, 0.95, 0.05)
 WHOLE_ENOUGH = 0.5
 # Share by which the pixels of its hue may be fewer or more than its band should fill.
 AREA_RANGE = 0.7
-# It stays at its place of the cylinder within this [rad], as poorly as the camera's pose is known.
-SAME_ANGLE = 0.08
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -245,7 +249,7 @@ class BandSearch:
                 band.path = [*newest, (angle, azimuth, z)]
                 band.samples = [*band.samples[-3:], samples]
                 return
-        recent = sorted(self._passing, key=lambda band: band.sightings)[-15:]
+        recent = sorted(self._passing, key=lambda band: band.sightings)[1 - CANDIDATES :]
         new = MovingBand(offset=offset, z=z, first=angle, last=angle, samples=[samples])
         new.path.append((angle, azimuth, z))
         self._passing = [*recent, new]
@@ -290,7 +294,7 @@ def _bands(
     for label in range(1, count):
         first, across = (int(stats[label, kind]) for kind in (cv2.CC_STAT_LEFT, cv2.CC_STAT_WIDTH))
         parts = [labels == label]
-        if across > 1.4 * wide:
+        if across > USUAL_SCALE * wide:
             # Bands of turns that touch: the first one, and the last. What does not begin with a
             # band, such as a cylinder of that hue, ends with none.
             parts = [parts[0], parts[0].copy()]
@@ -316,7 +320,7 @@ def _place(part: FlagArray, left: int, area: float, setup: Setup) -> tuple[float
     a, b = plane_of_pixel(setup.camera, float(columns.mean()) + left, float(rows.mean()))
     # What stands before the contact line may be cable that is not wound yet.
     azimuth, z = solve_band(setup.camera, setup.body, a, b, Band(azimuth=0.5, z=0.0, slope=0.0))
-    if not -0.2 <= azimuth <= setup.usable_azimuth:
+    if not -0.5 * BAND_REACH <= azimuth <= setup.usable_azimuth:
         return None
     expected = _Place.predicted(setup, azimuth, z).pixels
     whole = WHOLE_ENOUGH * expected <= size <= (1.0 + AREA_RANGE) * expected

@@ -25,12 +25,11 @@ from marker_tracker_node.tracking.estimator.numbers import (
 from marker_tracker_node.tracking.estimator.problem import ANGLE, MARKER, TIME, Problem, Seen
 from marker_tracker_node.tracking.frame.run_means import (
     BENT_OVER_RUN,
+    MEMORY,
     REFERENCE_FRAMES,
     bent_height,
 )
 
-# More sightings add nothing: what they have wrong together is not averaged out.
-MOST_SIGHTINGS = 4000
 # A correction of so many of its own standard deviations is no chance: with a right pose 70 random
 # scenes reached 3.0 at most.
 CARRIED = 4.0
@@ -102,7 +101,7 @@ def refine(
     belief = PoseBelief() if belief is None else belief
     # The cylinder's angle of each frame is known, and serves as time.
     rows[:, TIME] = rows[:, ANGLE]
-    stride = -(-total // MOST_SIGHTINGS)
+    stride = -(-total // (MEMORY * (config.marker_count + 1)))
     seen = Seen(
         rows=np.concatenate([rows[rows[:, MARKER] == n][::stride] for n in np.unique(rows[:, 0])]),
         motion=np.repeat([[rows[:, TIME].min()], [rows[:, TIME].max() + 1.0]], 2, axis=1),

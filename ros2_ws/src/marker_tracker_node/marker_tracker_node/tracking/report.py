@@ -18,7 +18,7 @@ import numpy as np
 from marker_tracker_node.arrays import FloatArray, IndexArray
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import Correction
-from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE
+from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE, USUAL
 from marker_tracker_node.tracking.estimator.problem import AREA_SIGMA, MARKER, Seen
 from marker_tracker_node.tracking.estimator.verdict import AS_WELL, LEAST_ALONE, LEFT_ALONE
 from marker_tracker_node.tracking.frame.laid_path import (
@@ -38,15 +38,12 @@ from marker_tracker_node.tracking.sighting_log import Lap, SightingLog
 from marker_tracker_node.tracking.state import BY_READINGS, IMPOSSIBLE, TRIED, Setup, TrackerState
 from winding_core.units import MILLIMETRE
 
-# Single frames that come twice or late spoil nothing: share of frames that may be refused.
-_MOST_REFUSED = 0.01
 # It is judged anew with so many times as many sightings.
 _MORE = 1.2
+# Single frames that come twice or late spoil nothing: share of frames that may be refused.
+_MOST_REFUSED = 0.01
 # Numbers that say when a band comes back.
 _TURNING = frozenset({"encoder_scale", "frame_times"})
-# While nothing is wrong markers are found in more frames than this share of those that have them in
-# sight, and a picture keeps as much of the beginning's grey levels.
-_USUAL = 0.8
 # Cable beside cable lies a diameter away, less what a band that is cut off leaves unknown.
 CLIMB = 0.8
 
@@ -181,7 +178,8 @@ def _of_light_and_colour(log: SightingLog, area: FloatArray) -> Contradiction | 
     areas = area[area > 0.0]
     smaller = areas.size > 0 and float(np.median(np.log(areas))) < -2.0 * AREA_SIGMA
     found = f"markers are found in {late.share:.0%} of the frames that have them in sight"
-    if now < _USUAL * before and (late.share < _USUAL or smaller):
+    # Markers are found in most frames that have them in sight, and pictures keep their grey levels.
+    if now < USUAL * before and (late.share < USUAL or smaller):
         return Contradiction(
             number="light",
             share=now / before - 1.0,

@@ -9,12 +9,18 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.camera.pinhole import PinholeCamera
 from marker_tracker_node.detection.colour import ColourModel, ColourRefusedError, Palette
-from marker_tracker_node.tracking.camera_zero import LOOK_STEP, CameraZero
+from marker_tracker_node.tracking.camera_zero import CameraZero
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LAY_SIGMA, PROOF_ADVANCE
+from marker_tracker_node.tracking.estimator.fit import USUAL
+from marker_tracker_node.tracking.frame.laid_path import (
+    BAND_REACH,
+    LAY_SIGMA,
+    LOOK_STEP,
+    PROOF_ADVANCE,
+    SAME_ANGLE,
+)
 from marker_tracker_node.tracking.identity import Identified, Paths, identified
 from marker_tracker_node.tracking.p0_search import (
-    SAME_ANGLE,
     SEARCH_REACH,
     BandSearch,
     MovingBand,
@@ -190,12 +196,12 @@ class RunStart:
         Return whether what was taken for P0 so far, or for markers, is something else.
         """
         # The live window shows bands for 0.46 rad at least: the rate of frames leaves enough looks.
-        if abs(angle - self._scanned) < 0.25 * PROOF_ADVANCE:
+        if abs(angle - self._scanned) < 2.0 * LOOK_STEP:
             return False
         self._scanned = angle
         self._all.add(frame, setup, angle)
         bands, way = self._all.proven, abs(angle - self._begun)
-        if way < max(math.tau + setup.usable_azimuth, 1.1 * self._judged):
+        if way < max(math.tau + setup.usable_azimuth, self._judged / USUAL):
             return False
         self._judged = way
         if not bands:

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from marker_tracker_node.arrays import ByteArray, FlagArray, FloatArray, IndexArray
-from marker_tracker_node.tracking.encoder_history import INTERPOLATED, KEPT
+from marker_tracker_node.tracking.encoder_history import INTERPOLATED
 from marker_tracker_node.tracking.estimator.problem import ANGLE, COLUMNS
 from marker_tracker_node.tracking.frame.laid_path import PROOF_ADVANCE
-from marker_tracker_node.tracking.state import Burst, Rows
+from marker_tracker_node.tracking.state import KEPT, Burst, Rows
 from winding_core.compiling import called, compiled
 from winding_core.markers import MarkerFlag
 

@@ -14,7 +14,7 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.detection.colour import ColourModel, hsv, hue_difference
 from marker_tracker_node.tracking.config import TrackerConfig
-from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LAY_SIGMA, PROOF_ADVANCE
+from marker_tracker_node.tracking.frame.laid_path import BAND_REACH, LAY_SIGMA, LOOK_STEP
 from marker_tracker_node.tracking.p0_search import (
     SATURATIONS,
     SEARCH_REACH,
@@ -133,7 +133,7 @@ class MisplacedCamera:
         later marker; nan if nothing is. The markers' colour is None if it is not known.
         """
         # The live window shows bands of a thick cylinder for 0.46 rad: that is four looks and more.
-        if abs(angle - self._looked) < 0.5 * PROOF_ADVANCE:
+        if abs(angle - self._looked) < 5.0 * LOOK_STEP:
             return ""
         self._looked = angle
         if math.isnan(self._begun):

@@ -24,9 +24,13 @@ from winding_core.compiling import called
 Rows: TypeAlias = Any
 Record = TypeVar("Record")
 
-CANDIDATES = 8
+# Places for what may prove to be a marker: a search finds a few wrong ones in any picture.
+CANDIDATES = 16
+# Between two places of the path its law, whose lag is a radian or more, is straight to 0.1 % [rad].
 PATH_STEP = 0.05
-PATH_SIZE = 8192
+# Rows of what is kept: four seconds of an encoder's readings at 2 kHz, as a node in arrears meets
+# frames two seconds behind; three minutes of sightings; a path of 65 turns.
+KEPT = 8192
 # By what the path is laid: the guide's readings, or the commanded feed because the next marker did
 # not come, the markers lie there, or no guide moves so far.
 BY_READINGS, TRIED, CONTRADICTED, IMPOSSIBLE = range(4)
@@ -198,7 +202,7 @@ class Tracks(NamedTuple):
     Attributes:
         paths: Expected z of the laid cable every PATH_STEP of wound angle [m], by the guide's
             readings and by the commanded feed, and how high it lies on other turns by those
-            readings [m], shape (3, PATH_SIZE).
+            readings [m], shape (3, KEPT).
     """
 
     marks: Marks  # Of P0 to Pn
@@ -213,7 +217,7 @@ class TrackerState:
     run_rows: Rows  # Of RUN, shape (1,)
     mark_rows: Rows  # Of MARK, shape (markers,)
     candidate_rows: Rows  # Of CANDIDATE, shape (CANDIDATES,)
-    paths: FloatArray  # See `Tracks` [m], shape (3, PATH_SIZE)
+    paths: FloatArray  # See `Tracks` [m], shape (3, KEPT)
 
     @classmethod
     def fresh(cls, marker_count: int) -> TrackerState:
@@ -222,7 +226,7 @@ class TrackerState:
             run_rows=np.zeros(1, dtype=RUN),
             mark_rows=np.zeros(marker_count + 1, dtype=MARK),
             candidate_rows=np.zeros(CANDIDATES, dtype=CANDIDATE),
-            paths=np.zeros((3, PATH_SIZE)),
+            paths=np.zeros((3, KEPT)),
         )
         run = state.run_rows
         run["path_filled"] = 1
@@ -270,7 +274,7 @@ class TrackerState:
 
     @property
     def path(self) -> FloatArray:
-        """That of `Tracks.paths` that is in use, shape (PATH_SIZE,)."""
+        """That of `Tracks.paths` that is in use, shape (KEPT,)."""
         by_readings = self.run_rows["guide"]["laid_by"][0] == BY_READINGS
         path: FloatArray = self.paths[0 if by_readings else 1]
         return path

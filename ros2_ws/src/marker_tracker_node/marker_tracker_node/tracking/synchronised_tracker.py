@@ -12,7 +12,7 @@ import numpy as np
 from marker_tracker_node.arrays import ByteArray
 from marker_tracker_node.tracking.camera_clock import CameraClock, ClockSettings
 from marker_tracker_node.tracking.encoder_history import EncoderHistory
-from marker_tracker_node.tracking.frame.acquisition import PROOF_HITS
+from marker_tracker_node.tracking.frame.laid_path import PROOF_HITS
 from marker_tracker_node.tracking.report import FrameFault, TrackerReport
 from marker_tracker_node.tracking.tracker import Tracker
 from winding_core.machine.readings import AxisReading

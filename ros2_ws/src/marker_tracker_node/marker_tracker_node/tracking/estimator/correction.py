@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,13 +14,9 @@ from marker_tracker_node.tracking.estimator.verdict import (
     AS_WELL,
     DEPENDENT,
     EXPLAINED,
-    LEAST_ALONE,
     Verdict,
 )
-
-# What explains alone is carried: right numbers of 101 consistent films came to 5.4 deviations of
-# the data, once to 6.3 along an axis on which positions hardly depend.
-_CARRIED = math.sqrt(LEAST_ALONE)
+from marker_tracker_node.tracking.frame.laid_path import FARTHEST
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +56,7 @@ def correction(problem: Problem, verdict: Verdict, *, made: bool) -> Correction 
     numbers, rest = slice(0, COUNT), np.arange(COUNT, fit.x.size)
     data, follow, _ = fit.information(np.arange(COUNT))
     begun, sigmas = problem.begun, fit.prior[numbers] ** -0.5
-    moved, covariance = carried_correction(data, fit.x[numbers] - begun, -begun, sigmas, _CARRIED)
+    moved, covariance = carried_correction(data, fit.x[numbers] - begun, -begun, sigmas, FARTHEST)
     aside = begun - fit.x[numbers]
     doubtful = float(aside @ data @ aside) > SURE**2
     if not (moved.any() or made or doubtful):

@@ -5,6 +5,7 @@ Gauss-Newton with weights that fall with the misfit (Cauchy).
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +15,10 @@ from marker_tracker_node.tracking.estimator.problem import Problem
 
 # So many deviations are no chance: one number in 370 is as far off. Such a sighting counts half.
 SURE = 3.0
+# What holds in so many is usual: outliers, and what is new since, are a fifth at most.
+USUAL = 0.8
 # The cost of a good step falls by more than this, else the fit has settled.
 _SETTLED = 0.2
-_STEPS = 16
 # With fewer sightings nothing is estimated.
 LEAST_ROWS = 12
 # So much is known of everything, for numbers that nothing else tells.
@@ -62,10 +64,11 @@ def fitted(
     """
     centre = np.zeros(prior.size) if centre is None else centre
     best = _at(problem, prior, centre, start)
-    for _ in range(_STEPS):
+    gained = math.inf
+    while gained >= _SETTLED:
         pull = best.gradient - prior * (best.x - centre)
         step = np.linalg.solve(best.normal + np.diag(prior + LEAST_INFORMATION), pull)
-        for share in (1.0, 0.3):
+        for share in (1.0, 0.5):
             found = _at(problem, prior, centre, best.x + share * step)
             if found.cost < best.cost:
                 break
@@ -73,8 +76,6 @@ def fitted(
             return best
         gained = best.cost - found.cost
         best = found
-        if gained < _SETTLED:
-            break
     return best
 
 
@@ -92,7 +93,7 @@ def _at(problem: Problem, prior: FloatArray, centre: FloatArray, x: FloatArray) 
         cost=cost + area**2 + float(prior @ (x - centre) ** 2),
         normal=flat.T @ flat + np.outer(by_area, by_area),
         gradient=flat.T @ (off * weight[:, None]).ravel() + area * by_area,
-        rest=float(np.quantile(square, 0.8)),
+        rest=float(np.quantile(square, USUAL)),
     )
 
 

@@ -48,6 +48,8 @@ from marker_tracker_node.tracking.estimator.numbers import (
     camera_without,
     pose_without,
 )
+from marker_tracker_node.tracking.frame.laid_path import PROOF_HITS
+from marker_tracker_node.tracking.frame.run_means import MEMORY, SIGHTING
 
 # Inverse variance of what is taken as it is, to a micrometre or a microradian.
 HELD = 1.0e12
@@ -56,10 +58,6 @@ MARKER, LAP, TIME, ANGLE, AZIMUTH, Z, _, LOW, HIGH, _, _, _, COLUMNS = range(13)
 # Bands of consistent runs are up to 5 % smaller than they are, as their edges are mixed pixels, or
 # 5 % larger where they are blurred.
 AREA_SIGMA = 0.035
-# Laps of a marker that are explained, and sightings: what a long run costs does not grow with it.
-_FIRST_LAPS, _NEWEST_LAPS, _MOST_ROWS = 2, 4, 400
-# Least scatter of a sighting with what its neighbours share [px].
-_SCATTER = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,10 +90,10 @@ class Seen:
         for marker in np.unique(rows[:, MARKER]):
             own = rows[:, MARKER] == marker
             laps = np.unique(rows[own, LAP])
-            chosen = np.concatenate([laps[:_FIRST_LAPS], laps[_FIRST_LAPS:][-_NEWEST_LAPS:]])
+            chosen = np.concatenate([laps[:PROOF_HITS], laps[PROOF_HITS:][-PROOF_HITS:]])
             kept |= own & np.isin(rows[:, LAP], chosen)
         rows = rows[kept]
-        return cls(rows=rows[:: max(-(-len(rows) // _MOST_ROWS), 1)], **others)
+        return cls(rows=rows[:: max(-(-len(rows) // MEMORY), 1)], **others)
 
 
 class Problem:
@@ -142,7 +140,7 @@ class Problem:
                 laps[own & cut] = np.unique(rows[own & cut, LAP]).size
             self.start[COUNT + i] = np.median(rows[own, ANGLE] - azimuth[own])
             self.start[self._first_z + i] = np.median(rows[own, Z])
-        self.sigma = np.hypot(_SCATTER, CUT_SCATTER * np.sqrt(laps))
+        self.sigma = np.hypot(SIGHTING, CUT_SCATTER * np.sqrt(laps))
         self.prior = np.zeros(self.start.size)
         self.prior[:COUNT] = [number.doubt**-2 for number in NUMBERS]
         self.prior[self._first_bias :] = sigmas**-2
@@ -153,7 +151,7 @@ class Problem:
             self.prior[COUNT] = self.prior[self._first_z] = HELD
             self.start[COUNT] = self.start[self._first_z] = 0.0
         self._by_area = _area_slopes(view, seen.body)
-        self.sigma *= max(_scatter(self.linearised(self.start)[0], rows) / _SCATTER, 1.0)
+        self.sigma *= max(_scatter(self.linearised(self.start)[0], rows) / SIGHTING, 1.0)
 
     def doubting(self, sigmas: Mapping[int, float]) -> FloatArray:
         """Return the prior with these numbers doubted by so much, and all others held."""

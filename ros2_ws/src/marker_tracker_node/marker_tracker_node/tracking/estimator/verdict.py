@@ -13,6 +13,7 @@ from marker_tracker_node.arrays import FloatArray
 from marker_tracker_node.tracking.estimator.fit import LEAST_INFORMATION, SURE, Fit, fitted
 from marker_tracker_node.tracking.estimator.numbers import BAND, CLOCK, COUNT, NUMBERS, ZERO
 from marker_tracker_node.tracking.estimator.problem import Problem
+from marker_tracker_node.tracking.frame.laid_path import FARTHEST
 
 # Releasing a prior must explain so much: in 101 consistent films it explained 9.3 at most.
 _LEAST_GAIN = 10.0
@@ -31,7 +32,7 @@ EXPLAINED = SURE**2
 _LEAST_SHARE = 0.1
 # A number within its doubt is named if it alone explains so much, and leaves no more than this
 # share: in 101 consistent films the best one explained 24 at most, and left 0.54 or more.
-LEAST_ALONE, LEFT_ALONE = 30.0, 0.3
+LEAST_ALONE, LEFT_ALONE = FARTHEST**2, 0.3
 
 
 class Explanation(NamedTuple):

@@ -38,9 +38,11 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     turned_since,
 )
 from marker_tracker_node.tracking.frame.laid_path import (
+    APPROACH,
     BAND_REACH,
     LEAST_GAP,
     PROOF_ADVANCE,
+    PROOF_HITS,
     band_beside_turns,
     corrected_height,
     first_sought,
@@ -52,10 +54,6 @@ from marker_tracker_node.tracking.frame.laid_path import (
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, Marks, Setup
 from winding_core.compiling import called
 
-# A marker proves itself on the free span, this far before it lands [rad].
-APPROACH = 0.25
-# Something proves itself by so many sightings, beside its way.
-PROOF_HITS = 3
 # Before any offset is known, what lands may lie so much farther from the path than what has come
 # round, in the reach of a search: that would have been found as it landed.
 LANDING = 0.2
@@ -109,7 +107,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     height, slope = corrected_height(scan.cable, theta)
     z = height + shift
     share, colour, identity = 0.0, FIRST_COLOUR, NO_IDENTITY
-    for step in range(3):
+    for step in range(PROOF_HITS):
         late = turned_since(setup, scan.shutter, turned - theta, z)
         band = band_beside_turns(setup, scan.cable, turned + late - theta, theta, z, slope)
         expected = predict_gate(setup, band, gates, work)
@@ -134,7 +132,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
     beside = abs(z - corrected_height(scan.cable, theta)[0])
     marks, colour_of = scan.cable.marks, scan.picture.colour_of
     if (
-        -40.0 * math.pi <= theta - turned <= APPROACH
+        theta - turned <= APPROACH
         and beside <= search_reach(setup, marks, theta)
         and not _is_first(scan, theta, z)
         and not _lies_on_another_turn(scan, theta, z)

@@ -32,7 +32,6 @@ from marker_tracker_node.tracking.frame.expected_bands import (
     expect_bands,
 )
 from marker_tracker_node.tracking.frame.gate_prediction import (
-    JUMP_THETA,
     gate_margin,
     predict_gate,
     separate_gates,
@@ -40,6 +39,8 @@ from marker_tracker_node.tracking.frame.gate_prediction import (
     turned_since,
 )
 from marker_tracker_node.tracking.frame.laid_path import (
+    PROOF_ADVANCE,
+    PROOF_HITS,
     SAME_HEIGHT,
     fit_offset,
     judge_guide,
@@ -65,8 +66,6 @@ from winding_core.compiling import called, compiled
 
 # A gate that is off by more of its room along the cable may cut the band.
 REAIM = 0.4
-# Each look shows more of a band that was cut; one that is still elsewhere then is none.
-LOOKS = 3
 
 
 @compiled
@@ -93,7 +92,7 @@ def update_burst(
         run_rows: Of RUN, shape (1,), written in place as are the following.
         marks: Of MARK, shape (markers,).
         candidates: Of CANDIDATE, shape (CANDIDATES,).
-        paths: See `Tracks`, shape (3, PATH_SIZE).
+        paths: See `Tracks`, shape (3, KEPT).
         readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
             [m], nan to expect the commanded feed, how much further P0 is expected than encoder and
             shift place it [rad], and how far beside that it is sought if it is not there [rad],
@@ -143,8 +142,8 @@ def _update_frame(
             expected.outcome[n] = _measure(scan, n, out, k)
     if marks.known[0] and not math.isfinite(out.azimuth[k, 0]):
         first, step = turned - marks.recent[0] + place[0], 1
-        while abs(step) * JUMP_THETA <= place[1]:
-            azimuth = first + step * JUMP_THETA
+        while abs(step) * PROOF_ADVANCE <= place[1]:
+            azimuth = first + step * PROOF_ADVANCE
             expect_band(scan, 0, azimuth)
             if _seen_beside(scan, out, k):
                 break
@@ -197,7 +196,8 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
     if several_colours(picture):
         picture = seeking(picture, picture.colour_of[n])
     azimuth, z, found = math.nan, math.nan, NOTHING
-    for _ in range(LOOKS):
+    # Each look shows more of a band that was cut; one that is still elsewhere then is none.
+    for _ in range(PROOF_HITS):
         found = measure_mark(
             setup.detector, picture, setup.camera, setup.body, gates, n, place, pixels, area[n],
             WHOLE_AREA,
@@ -217,7 +217,7 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
         gates.behind[n] = min(gates.behind[n], behind)
     else:
         return HIDDEN
-    if abs(azimuth - band.azimuth) > JUMP_THETA or abs(z - band.z) > SAME_HEIGHT:
+    if abs(azimuth - band.azimuth) > PROOF_ADVANCE or abs(z - band.z) > SAME_HEIGHT:
         return HIDDEN
     area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES
     out.azimuth[k, n] = azimuth - turned_since(setup, scan.shutter, azimuth, z)

@@ -29,10 +29,6 @@ RING_DEPTH = 0.65
 # The gap to a turn of the same colour that needs no cut, and how far from it a band is cut off
 # otherwise [px]: in a gap of 1.5 pixels one pixel at least is paint by less than half.
 SHOWN_GAP = 1.5
-# Gates that overlap by less hold no pixels of each other's band [px].
-OVERLAP = 1.0
-# A gate finds a band that is so far away [rad].
-JUMP_THETA = 0.12
 
 
 class Ends(NamedTuple):
@@ -192,7 +188,7 @@ def bands_touch(gates: Gates, first: int, second: int) -> bool:  # pragma: no co
 @called
 def separate_gates(gates: Gates, first: int, second: int) -> None:  # pragma: no cover
     """Keep two gates that overlap off each other's band along the cable."""
-    if not gates_meet(gates, first, second, -OVERLAP) or bands_touch(gates, first, second):
+    if not gates_meet(gates, first, second, 0.0) or bands_touch(gates, first, second):
         return
     along, _ = gate_place(gates, first, gates.column[second], gates.row[second])
     for mine, other in ((first, second), (second, first)):

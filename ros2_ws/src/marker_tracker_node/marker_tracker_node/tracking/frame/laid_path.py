@@ -15,7 +15,7 @@ from marker_tracker_node.tracking.state import (
     BY_READINGS,
     CONTRADICTED,
     IMPOSSIBLE,
-    PATH_SIZE,
+    KEPT,
     PATH_STEP,
     TRIED,
     Guide,
@@ -25,12 +25,14 @@ from marker_tracker_node.tracking.state import (
     Tracks,
 )
 from winding_core.compiling import called
+from winding_core.units import MILLIMETRE
 
+# Before the contact line the free span stands off the cylinder: farther than the first [rad] it
+# hangs before the turn beside it, nearer to the line it lies beside that; a marker on it proves
+# itself from the second on.
+SPAN_LAST, APPROACH = -0.3, 0.25
 # Cable lies beside a band from so far before P0 on, and so far before the landing [rad].
 TAIL = 0.5
-# Before the contact line the free span stands off the cylinder: farther than this [rad] it hangs
-# before the turn beside it, nearer to the line it lies beside that.
-SPAN_LAST = -0.3
 # A band shows this far beside the place where it may be, or where bands are in sight [rad].
 BAND_REACH = 0.4
 # Places of a path in a turn.
@@ -39,23 +41,31 @@ TURN_PLACES = math.tau / PATH_STEP
 LEAST_GAP = 0.6
 # How far the guide may stand before the contact line when P0 lands, one deviation [m], and how far
 # a cable lies beside the path.
-OFFSET_SIGMA, LAY_SIGMA = 5.0e-3, 1.0e-3
+OFFSET_SIGMA, LAY_SIGMA = 4.5e-3, 1.0e-3
 # Doubt of gaps by tape measure and stretch, relative: where the cylinder takes up 0.7 of the pull,
 # markers of the study's softest cables lie a tenth nearer than its modulus gives.
 GAP_SIGMA = 0.08
-# Nothing lies so many deviations off: in 135 runs that were right markers were 4 mm beside the path
-# of their guide, as it is fitted, where two had changed places 9 and 12 mm.
-FARTHEST = 5.0
-# Something proves itself by moving with the cylinder so far [rad].
-PROOF_ADVANCE = 0.1
+# Nothing that is right lies so many deviations off: in 135 runs markers were up to 4 mm beside the
+# path of their guide, as it is fitted, where two had changed places 9 and 12 mm; in 101 films right
+# numbers up to 4.9, and 5.4 along one axis of the data (once 6.3, where places hardly depend).
+FARTHEST = 5.5
+# Something proves itself by so many sightings, looks or passes, and by moving with the cylinder so
+# far [rad], by which a gate finds a band, too.
+PROOF_HITS, PROOF_ADVANCE = 3, 0.1
+# A band stays at its place of the cylinder within this [rad], as poorly as the camera's pose is
+# known: what stands still leaves its own mean by as much before it has moved by twice the above.
+SAME_ANGLE = 0.08
+# Looks for P0 are so far apart [rad]: with a fourth of its way a part of a cylinder of brass was
+# taken for it.
+LOOK_STEP = 0.1 * PROOF_ADVANCE
 # Bands that lie so near to each other are the same band [m].
 SAME_HEIGHT = 1.5 * LAY_SIGMA
 # Led nearer than so many diameters a turn lies on the one before it, or else beside it.
 ON_TOP = 0.75
 
 # A guide that moves so many times as far as the feed, or as one turn beside the other, while a
-# marker proves itself does not exist: its readings are millimetres.
-MOST_SCALE = 50.0
+# marker proves itself is nearer to one whose readings are millimetres.
+MOST_SCALE = MILLIMETRE**-0.5
 # A number may be set, or a guide move, so many times too far or too little: what is beyond has
 # another cause.
 USUAL_SCALE = 1.4
@@ -89,7 +99,7 @@ def extend_paths(
     """
     angle, guide, count = run.cylinder.angle, run.guide, run.path_filled
     share = 1.0 - math.exp(-PATH_STEP / setup.lag)
-    while count < PATH_SIZE and count * PATH_STEP <= angle:
+    while count < KEPT and count * PATH_STEP <= angle:
         middle = (count - 0.5) * PATH_STEP
         part = (middle - start) / (angle - start) if angle > start else 1.0
         place = way + (guide.way - way) * min(max(part, 0.0), 1.0)

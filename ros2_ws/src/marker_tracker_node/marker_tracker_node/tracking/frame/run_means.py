@@ -17,27 +17,25 @@ OCCLUDED, CUT_OFF, TOUCHING, SLIPPED, NOT_WOUND, PREDICTED = (
     for name in ("OCCLUDED", "CLIPPED", "TOUCHING", "SLIPPED", "NOT_WOUND", "PREDICTED")
 )
 
-# Frames that a run mean remembers; without an end it could not follow a slip.
-MEMORY = 400.0
+# Frames that a run mean remembers, and sightings of a run that are explained: without an end
+# neither could follow a change, and more do not average out what all have wrong together.
+MEMORY = 400
 # So many give its first value, and its scatter.
 REFERENCE_FRAMES = 20.0
 # Frames that a gate's aim remembers, which follows slip, and the azimuth of P0, which does not.
 RECENT_FRAMES, SHIFT_FRAMES = 10.0, 50.0
 # A wound angle that leans on the encoder carries the camera's tilt and counts less.
 ENCODER_TRUST = 0.2
-# One standard deviation of a band's middle in one frame [px]: the mask's bias, which depends on
-# light, colour and azimuth and is the same in the next frame, and what differs between frames.
-BIAS = 0.09
-SCATTER = 0.05
-# Where a neighbouring turn cuts a band off [px], and of a turn's place that is only expected.
-CUT = 0.12
+# One standard deviation of a band's middle in one frame [px], and as much again where a turn, whose
+# place is only expected, cuts it off; what of it differs between frames; and the mask's bias, which
+# depends on light, colour and azimuth and is the same in the next frame.
+SIGHTING, SCATTER = 0.1, 0.05
+BIAS = math.sqrt(SIGHTING**2 - SCATTER**2)
 # Of z, where a thick cable is bent sharply: in so many r^2 / (R + r), r and R + r the radii of the
 # cable and of its bend.
 BENT = 0.045
-# What a run leaves of that, whose share of a band depends on its azimuth.
-BENT_OVER_RUN = 0.5
-# What of the bias is left over a run, in which a band is seen under every azimuth [px].
-MEAN_BIAS = 0.06
+# What a run, in which a band is seen under every azimuth, leaves of the mask's bias and of that.
+OVER_RUN, BENT_OVER_RUN = 0.75, 0.5
 # A corrected value is gone over to by so much of its deviation in each frame.
 STEP = 0.5
 
@@ -182,7 +180,7 @@ def _bias_variances(
     angle, height = pixel_size(setup, out.azimuth[k, n])
     cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
     # What scatter does not show.
-    pixels = BIAS**2 + (CUT**2 if cut else 0.0)
+    pixels = BIAS**2 + (SIGHTING**2 if cut else 0.0)
     return angle * angle * pixels, height * height * pixels + bent_height(setup.body) ** 2
 
 
@@ -199,10 +197,10 @@ def _mean_variances(
     """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
     weight = max(marks.weight[n], 1.0)
     return (
-        (MEAN_BIAS * facing[0]) ** 2
+        (OVER_RUN * BIAS * facing[0]) ** 2
         + _scatter(marks.var_theta[n], facing[0]) / weight
         + marks.doubt_theta[n],
-        (MEAN_BIAS * facing[1]) ** 2
+        (OVER_RUN * BIAS * facing[1]) ** 2
         + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
         + _scatter(marks.var_height[n], facing[1]) / weight
         + marks.doubt_height[n],
