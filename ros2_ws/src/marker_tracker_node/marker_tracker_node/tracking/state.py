@@ -201,8 +201,8 @@ class Tracks(NamedTuple):
 
     Attributes:
         paths: Expected z of the laid cable every PATH_STEP of wound angle [m], by the guide's
-            readings and by the commanded feed, and how high it lies on other turns by those
-            readings [m], shape (3, KEPT).
+            readings and by the commanded feed, how high it lies on other turns by those readings
+            [m], and whether others lie on it, 0 or 1, shape (4, KEPT).
     """
 
     marks: Marks  # Of P0 to Pn
@@ -217,7 +217,7 @@ class TrackerState:
     run_rows: Rows  # Of RUN, shape (1,)
     mark_rows: Rows  # Of MARK, shape (markers,)
     candidate_rows: Rows  # Of CANDIDATE, shape (CANDIDATES,)
-    paths: FloatArray  # See `Tracks` [m], shape (3, KEPT)
+    paths: FloatArray  # See `Tracks` [m], shape (4, KEPT)
 
     @classmethod
     def fresh(cls, marker_count: int) -> TrackerState:
@@ -226,7 +226,7 @@ class TrackerState:
             run_rows=np.zeros(1, dtype=RUN),
             mark_rows=np.zeros(marker_count + 1, dtype=MARK),
             candidate_rows=np.zeros(CANDIDATES, dtype=CANDIDATE),
-            paths=np.zeros((3, KEPT)),
+            paths=np.zeros((4, KEPT)),
         )
         run = state.run_rows
         run["path_filled"] = 1

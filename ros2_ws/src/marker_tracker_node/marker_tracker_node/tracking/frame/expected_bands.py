@@ -32,8 +32,8 @@ from marker_tracker_node.tracking.frame.laid_path import (
     LaidCable,
     band_beside_turns,
     corrected_height,
+    covered_at,
     covered_by_span,
-    covered_by_turns,
     unknown_beside,
 )
 from marker_tracker_node.tracking.state import Candidates, Marks, Setup
@@ -117,8 +117,7 @@ def expect_band(scan: Scan, n: int, azimuth: float) -> None:  # pragma: no cover
     if not beyond:
         margin = gate_margin(setup)
         expected.outcome[n] = gate_visibility(scan.gates, n, margin, scan.picture)
-        hung = covered_by_span(setup, cable, band, theta)
-        if hung or covered_by_turns(setup, cable, band, theta):
+        if covered_at(cable, theta) or covered_by_span(setup, cable, band, theta):
             expected.outcome[n] = COVERED
     expected.bands[n] = band
 

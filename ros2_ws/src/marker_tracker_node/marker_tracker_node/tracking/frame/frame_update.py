@@ -92,7 +92,7 @@ def update_burst(
         run_rows: Of RUN, shape (1,), written in place as are the following.
         marks: Of MARK, shape (markers,).
         candidates: Of CANDIDATE, shape (CANDIDATES,).
-        paths: See `Tracks`, shape (3, KEPT).
+        paths: See `Tracks`, shape (4, KEPT).
         readings: Ascending times [s], cylinder angles [rad], nan where missing, guide positions
             [m], nan to expect the commanded feed, how much further P0 is expected than encoder and
             shift place it [rad], and how far beside that it is sought if it is not there [rad],

@@ -77,6 +77,7 @@ class LaidCable(NamedTuple):
     marks: Marks  # The markers
     path: FloatArray  # Its z, one of `Tracks.paths` [m]
     lift: FloatArray  # How high it lies on other turns, see there [m]; empty where nowhere
+    covered: FloatArray  # Where others lie on it, see there; likewise
     filled: int  # Places of it that are filled
 
 
@@ -86,7 +87,8 @@ def laid_cable(tracks: Tracks, run: Run) -> LaidCable:  # pragma: no cover
     row = 0 if run.guide.laid_by == BY_READINGS else 1
     # The commanded feed leads one layer.
     layered = run.path_filled if row == 0 else 0
-    return LaidCable(tracks.marks, tracks.paths[row], tracks.paths[2, :layered], run.path_filled)
+    lift, covered = tracks.paths[2, :layered], tracks.paths[3, :layered]
+    return LaidCable(tracks.marks, tracks.paths[row], lift, covered, run.path_filled)
 
 
 @called
@@ -107,14 +109,15 @@ def extend_paths(
         paths[0, count] = paths[0, count - 1] + share * (read - paths[0, count - 1])
         commanded = setup.advance_per_radian * middle
         paths[1, count] = paths[1, count - 1] + share * (commanded - paths[1, count - 1])
-        paths[2, count] = _lift(setup, paths[0], paths[2], count)
+        paths[2, count] = _lift(setup, paths, count)
         count += 1
     run.path_filled = count
 
 
 @called
-def _lift(setup: Setup, path: FloatArray, lift: FloatArray, last: int) -> float:  # pragma: no cover
-    """Return how high the cable at the last place of a path lies on turns before it [m]."""
+def _lift(setup: Setup, paths: FloatArray, last: int) -> float:  # pragma: no cover
+    """Return how high the cable at the last place of the paths lies on others [m]; cover those."""
+    path, lift = paths[0], paths[2]
     diameter, highest = 2.0 * setup.body.cable_radius, 0.0
     for turn in range(1, int(last / TURN_PLACES) + 1):
         place = last - turn * TURN_PLACES
@@ -123,6 +126,7 @@ def _lift(setup: Setup, path: FloatArray, lift: FloatArray, last: int) -> float:
         if _lies_on(setup, beside, turn, last * PATH_STEP):
             rise = math.sqrt(diameter * diameter - beside * beside)
             highest = max(highest, lift[low] + rise)
+            paths[3, low] = paths[3, low + 1] = 1.0
     return highest
 
 
@@ -251,15 +255,10 @@ def covered_by_span(
 
 
 @called
-def covered_by_turns(
-    setup: Setup, cable: LaidCable, band: Band, theta: float
-) -> bool:  # pragma: no cover
-    """Return whether a later turn is led over a band at a wound angle [rad]."""
-    for turn in range(1, int(band.azimuth / math.tau) + 1):
-        later = theta + turn * math.tau
-        if _lies_on(setup, corrected_height(cable, later)[0] - band.z, turn, later):
-            return True
-    return False
+def covered_at(cable: LaidCable, theta: float) -> bool:  # pragma: no cover
+    """Return whether later turns lie on cable at a wound angle [rad], as far as is expected."""
+    place = int(round(theta / PATH_STEP))  # noqa: RUF046
+    return bool(0 <= place < cable.covered.size and cable.covered[place] > 0.5)
 
 
 @called
@@ -297,7 +296,9 @@ def beside_path(
     setup: Setup, guide: Guide, marks: Marks, paths: FloatArray, filled: int, row: int, n: int
 ) -> float:  # pragma: no cover
     """Return how much farther from P0 marker n lies than on a path without any offset [m]."""
-    expected, _ = path_height(LaidCable(marks, paths[row], paths[2, :0], filled), marks.theta[n])
+    expected, _ = path_height(
+        LaidCable(marks, paths[row], paths[2, :0], paths[3, :0], filled), marks.theta[n]
+    )
     if row == 0:
         expected -= guide.offset * lay_share(setup, marks.theta[n])
     return float(marks.height[n] - marks.height[0] - expected)
@@ -312,7 +313,9 @@ def _off_path(
     Cable that would lie in its own first turn is held off by up to a diameter, and comes back to
     the path over some turns.
     """
-    first = path_height(LaidCable(marks, paths[row], paths[2, :0], filled), math.tau)[0]
+    first = path_height(LaidCable(marks, paths[row], paths[2, :0], paths[3, :0], filled), math.tau)[
+        0
+    ]
     if row == 0:
         first -= guide.offset * lay_share(setup, math.tau)
     held = math.copysign(max(2.0 * setup.body.cable_radius - abs(first), 0.0), first)
