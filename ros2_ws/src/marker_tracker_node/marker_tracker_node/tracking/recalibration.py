@@ -220,8 +220,11 @@ def _place(marks: Marks, found: Correction, area: float) -> None:
     turn, rise = [found.theta, found.z] - _places(marks, found)
     marks.left_theta[known] -= turn
     marks.left_height[known] -= rise
-    for name in ("theta", "recent", "reference"):
-        getattr(marks, name)[known] += turn
+    for name in ("recent", "reference"):
+        slip = getattr(marks, name)[known] - marks.theta[known]
+        # What slipped less than is corrected was measured with another angle of the cylinder.
+        getattr(marks, name)[known] = found.theta + np.where(np.abs(slip) > np.abs(turn), slip, 0.0)
+    marks.theta[known] = found.theta
     marks.height[known] = found.z
     marks.area[known] *= area
     marks.doubt_theta[known], marks.doubt_height[known] = found.doubt
