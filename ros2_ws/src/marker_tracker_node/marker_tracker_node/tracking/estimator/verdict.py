@@ -84,7 +84,9 @@ class Verdict:
 def judged(problem: Problem) -> Verdict:
     """Return which numbers are contradicted, with their alternatives."""
     usual = fitted(problem, problem.prior, problem.start)
-    first = _explanations(problem, usual, _LEAST_GAIN)
+    # A mask bends the first pass of P0 as a wrong number does.
+    least = _LEAST_GAIN * (1.0 if problem.markers.size > 1 else DEPENDENT)
+    first = _explanations(problem, usual, least)
     wrong: tuple[tuple[Explanation, ...], ...] = (first,) if first else ()
     if first:
         # One number that explains as well as two is the one.
