@@ -104,9 +104,9 @@ def seen(smooth_film, model):
     tracker = film.tracker()
     setup = tracker.config.setup(film.pinhole().view(tracker.config.pose))
     whole = film.frame_at(AZIMUTH)
-    band = Band(AZIMUTH, 0.0, 0.0)
 
-    def measure(white, level=255):
+    def measure(white, level=255, z=0.0, **cuts):
+        band = Band(AZIMUTH, z, 0.0, **cuts)
         gates = empty_gates(1)
         pixels = predict_gate(setup, band, gates, 0)
         rows, columns = np.indices(whole.shape[:2])
@@ -118,7 +118,7 @@ def seen(smooth_film, model):
         frame[white(along, across)] = level
         picture = Palette.of(model, [50.0], 22.0).picture(frame)
         return measure_mark(
-            picture, setup.camera, setup.body, gates, 0, band, pixels, 1.0, WHOLE_AREA
+            picture, setup.camera, setup.body, gates, 0, band, pixels, 1.0, 1.0, WHOLE_AREA
         )
 
     return measure
@@ -160,6 +160,23 @@ def test_what_is_seen_of_a_band_gives_its_middle(seen, white):
     # one side only it is known to half a pixel, 3.5 mrad and 0.12 mm.
     assert found.azimuth == pytest.approx(whole.azimuth, abs=4.0e-3)
     assert found.z == pytest.approx(whole.z, abs=0.12e-3)
+
+
+@pytest.mark.slow
+def test_a_band_cut_off_on_one_side_shows_its_whole_way_and_on_both_sides_none(seen):
+    def expected(z=0.0, **cuts):
+        return seen(lambda along, across: np.zeros(along.shape, bool), z=z, **cuts)
+
+    whole, away = expected(), 0.5e-3
+    for one in (expected(-away, low=-0.6), expected(away, high=0.6)):
+        # Two pixels beside where it lies. What the mask has wrong at the edge that is left counts
+        # whole: half a pixel, 0.12 mm.
+        assert one.z == pytest.approx(whole.z, abs=0.15e-3)
+        assert one.z_factor == pytest.approx(math.sqrt(2.0))
+    both = expected(away, low=-0.6, high=0.6)
+    assert both.outcome == MEASURED
+    assert both.z == away
+    assert math.isinf(both.z_factor)
 
 
 @pytest.mark.slow

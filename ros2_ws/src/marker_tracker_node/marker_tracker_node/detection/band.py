@@ -133,6 +133,27 @@ def visible_arc(
     return first, last
 
 
+@called
+def seen_from(view: CameraView, rho: float, band: Band) -> tuple[float, float]:  # pragma: no cover
+    """Return how far outwards and to its +z side of a band's middle the camera stands [m]."""
+    x, y, z, ex, ey = section_at(rho, band.azimuth, band.z)
+    vx, vy, vz = view.x - x, view.y - y, view.z - z
+    norm = math.hypot(rho, band.slope)
+    return vx * ex + vy * ey, (vy * ex - vx * ey) * band.slope / norm + vz * rho / norm
+
+
+@called
+def own_edges(view: CameraView, body: Body, band: Band) -> tuple[int, int]:  # pragma: no cover
+    """Return whether a band's edges on its -z and +z side are seen, and not cut off, 0 or 1."""
+    if band.low == -math.pi and band.high == math.pi:
+        return 1, 1
+    outwards, beside = seen_from(view, body.rho + band.lift, band)
+    facing = math.atan2(beside, outwards)
+    reach = math.acos(min(body.cable_radius / math.hypot(outwards, beside), 1.0))
+    first, last = max(facing - reach, -body.half_around), min(facing + reach, body.half_around)
+    return int(band.low <= first), int(band.high >= last)
+
+
 @compiled
 def band_centroid(
     view: CameraView, body: Body, band: Band

@@ -21,7 +21,8 @@ from marker_tracker_node.camera.pinhole import (
 from marker_tracker_node.detection.band import (
     Band,
     Body,
-    section_at,
+    own_edges,
+    seen_from,
     solve_seen_band,
     surface_point,
     visible_arc,
@@ -60,6 +61,9 @@ MOST_GAIN = 4.0  # A step is at most so many times what it would be with every e
 # which a known band is whole: one that is covered in part would be measured beside its middle.
 NEW_AREA = (0.7, 1.4)
 WHOLE_AREA = (0.87, 1.2)
+# By so much a mask makes bands smaller, as their edges are mixed pixels, or larger where they are
+# blurred; what is beyond is another band width than configured.
+MASK_AREA = 0.05
 GLARE_BELOW = 0.97  # Below this share of its area it is asked whether light hides a part
 # So much of a band and of the edges that tell its place must be known.
 LEAST_VISIBLE, LEAST_EDGES = 0.25, 0.25
@@ -149,11 +153,7 @@ def _draw(
     """Write the edges of the visible side of a band, in the coordinates of its gate [px]."""
     rho, r, half = body.rho + band.lift, body.cable_radius, body.half_band
     norm = math.hypot(rho, band.slope)
-    x, y, z, ex, ey = section_at(rho, band.azimuth, band.z)
-    vx, vy, vz = view.x - x, view.y - y, view.z - z
-    along_e = vx * ex + vy * ey
-    along_b = (vy * ex - vx * ey) * band.slope / norm + vz * rho / norm
-    first, last = visible_arc(body, band, along_e, along_b)
+    first, last = visible_arc(body, band, *seen_from(view, rho, band))
     way = half / norm
     for k in range(NODES):
         psi = first + (last - first) * k / (NODES - 1)
@@ -231,6 +231,7 @@ def measure(
     band: Band,
     pixels: float,
     area: float,
+    whole: float,
     limits: tuple[float, float],
 ) -> Detection:  # pragma: no cover
     """Measure what is painted on the cable as its `Body` describes: a ring, or a patch of it.
@@ -244,6 +245,7 @@ def measure(
         band: As expected, of which the gate was predicted.
         pixels: That it should fill [px].
         area: Its usual share of them (dimensionless).
+        whole: The same of bands that are seen whole.
         limits: Least and most accepted share of the expected area.
     """
     least, most = limits
@@ -265,9 +267,25 @@ def measure(
             z_factor = 1.0 / math.sqrt(max(fit.sides, LEAST_EDGES))
     if count < 4 or share < least or share > most:
         return NOTHING
+    below, above = own_edges(view, body, band)
+    edges = below + above
+    if edges == 1:
+        # What the mask has wrong at one edge is not made up for at the other one.
+        length = 2.0 * gates.half_band[n]
+        grown = min(max(whole - 1.0, -MASK_AREA), MASK_AREA) / (
+            2.0 * length / pixels + 2.0 / length
+        )
+        aside = 0.5 * grown * (below - above)
+        column -= aside * gates.along_v[n]
+        row += aside * gates.along_u[n]
     a, b = plane_of_pixel(view, column, row)
     seen = gates.seen_a[n], gates.seen_b[n]
     azimuth, z = solve_seen_band(view, body, (a, b), band, seen)
     if not (math.isfinite(azimuth) and math.isfinite(z)):
         return NOTHING
+    if edges < 2:
+        # Where a band is cut off stays as the gate has it: of its own way half is seen, or nothing.
+        # One edge errs as much as the mean of two does times the root of two.
+        z_factor *= math.sqrt(2.0) if edges > 0 else math.inf
+        z = band.z + (2.0 * (z - band.z) if edges > 0 else 0.0)
     return Detection(outcome, azimuth, z, share, azimuth_factor, z_factor, NO_IDENTITY)

@@ -123,8 +123,8 @@ def gate_rows(picture: Picture, gates: Gates, n: int) -> tuple[int, int]:  # pra
 @called
 def gate_moments(
     picture: Picture, gates: Gates, n: int
-) -> tuple[int, float, float]:  # pragma: no cover
-    """Return number and mean column and row of the marker pixels in gate n."""
+) -> tuple[float, float, float]:  # pragma: no cover
+    """Return number and mean column and row of the marker pixels in gate n, parts of them too."""
     columns = picture.pixels.shape[1]
     column, row, tu, tv = gates.column[n], gates.row[n], gates.along_u[n], gates.along_v[n]
     ahead, behind, low, high = gates.ahead[n], gates.behind[n], gates.left[n], gates.right[n]
@@ -133,26 +133,35 @@ def gate_moments(
     low_slope, low_way = tu - low_lean * tv, -1.0 / (tv + low_lean * tu)
     high_slope, high_way = tu - high_lean * tv, -1.0 / (tv + high_lean * tu)
     top, bottom = gate_rows(picture, gates, n)
-    count, sum_column, sum_row = 0, 0, 0
+    count, sum_column, sum_row = 0.0, 0.0, 0.0
     for v in range(top, bottom + 1):
         dv = v - row
         left = (low - low_slope * dv) * low_way
         right = (high - high_slope * dv) * high_way
         near, far = strip(tu, tv * dv, -behind, ahead)
-        first = math.ceil(column + max(min(left, right), near, -column))
-        last = math.floor(column + min(max(left, right), far, columns - 1.0 - column))
+        start = max(min(left, right), near, -0.5 - column)
+        end = min(max(left, right), far, columns - 0.5 - column)
+        if end <= start:
+            continue
+        first, last = math.floor(column + start + 0.5), math.ceil(column + end - 0.5)
         # Indices into a part of the row are not asked whether they count from its end.
-        line = picture.pixels[v, first : max(first, last + 1)]
-        hits, place = 0, 0
+        line = picture.pixels[v, first : last + 1]
+        hits, place, hit, others = 0, 0, 0, 0
         for u in range(line.shape[0]):
             hit = picture.table[table_index(line[u, 0], line[u, 1], line[u, 2])]
             hits += hit
             place += hit * u
-        count += hits
-        sum_column += place + hits * first
-        sum_row += hits * v
-    if count == 0:
-        return 0, math.nan, math.nan
+            if u == 0:
+                others = hit
+        # Of the pixels on the gate's sides that part counts which lies within.
+        out, beyond = column + start + 0.5 - first, last + 0.5 - column - end
+        cover = hits - others * out - hit * beyond
+        count += cover
+        sum_column += place + cover * first + 0.5 * others * (1.0 - out) * out
+        sum_column -= hit * beyond * (last - first + 0.5 * (1.0 - beyond))
+        sum_row += cover * v
+    if count <= 0.0:
+        return 0.0, math.nan, math.nan
     return count, sum_column / count, sum_row / count
 
 

@@ -111,7 +111,10 @@ class Marks:
     found: FloatArray  # Cylinder angle as it became known [rad]
     theta: FloatArray  # Run mean of the wound angle [rad]
     height: FloatArray  # Run mean of z as seen [m]
-    weight: FloatArray  # Of these means, in frames
+    weight: FloatArray  # Of that of the wound angle, in frames
+    weight_height: FloatArray  # Of that of z, likewise
+    bias_height: FloatArray  # Variance of what its frames have in common [px^2]
+    lift: FloatArray  # How high its cable was measured on other turns [m]
     var_theta: FloatArray  # Variance of a single frame [rad^2]
     var_height: FloatArray  # The same of z [m^2]
     area: FloatArray  # Measured over expected area

@@ -15,14 +15,14 @@ Sigmas = tuple[float, float] | tuple[tuple[float, float], ...]
 # scenes of the simulated camera were, of all bands in common, 0.09 and 0.01, 0.01 and 0.10, 0.04
 # and 0.02; of one marker beside that 0.08 along the cylinder with the sine, all else 0.01 or 0.02.
 # And of bands beside another turn, whose one free side is not made up for by the other: 0.04 to
-# 0.13, and up to 0.5 with a wrong pose, where gates cut off another part than the model does.
+# 0.13.
 COMMON = ((0.1, 0.05), (0.06, 0.12), (0.06, 0.06))
 # Where light and focus are anything: with highlights of up to 0.4 of the light's colour, a blur of
 # up to 1.5 px and mosaics, in 60 scenes, 0.06 and 0.06, 0.06 and 0.32, 0.12 and 0.19 at the true
 # numbers. Of the last ones across 0.25 and -0.13 is the mean, which is the band model's own.
 IN_ANY_LIGHT = ((0.1, 0.1), (0.06, 0.2), (0.2, 0.15))
 OF_MARKER = ((0.02, 0.02), (0.08, 0.03), (0.02, 0.03))
-OF_CUT = (0.2, 0.1)
+OF_CUT = (0.1, 0.05)
 # A turn whose axis is nearer than this may hide or cut off a part, in radii of the cable: where it
 # lies is estimated to some tenths of a radius.
 BESIDE = 2.6
@@ -30,7 +30,7 @@ BESIDE = 2.6
 # that had landed lay 0.04 to 0.13 beside where the guide's readings put it.
 LIFT_SIGMA = 0.1
 # How far a gate cuts into a band is known to so much beyond that, in each frame anew [px].
-CUT_SCATTER = 0.25
+CUT_SCATTER = 0.2
 
 
 def cut_off(bands: FloatArray, cable_radius: float) -> tuple[FlagArray, FlagArray]:

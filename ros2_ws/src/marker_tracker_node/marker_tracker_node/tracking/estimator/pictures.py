@@ -14,6 +14,7 @@ from marker_tracker_node.detection.band import (
     band_centroid,
     band_of,
     moved_band,
+    own_edges,
     solve_band,
     surface_point,
 )
@@ -86,6 +87,20 @@ def seen_again(
             out[k, 0], out[k, 1] = azimuth, z
             out[k, 2], out[k, 3] = cut.low, cut.high
     return out
+
+
+@compiled
+def own_shares(view: CameraView, body: Body, bands: FloatArray) -> FloatArray:  # pragma: no cover
+    """Return which share of a way along the cylinder the centres of bands go with them.
+
+    Each edge that is seen goes with its band, and where one is cut off nothing does. Bands are rows
+    of the fields of `Band`, shape (k, 8); so is the result, shape (k,).
+    """
+    shares = np.ones(bands.shape[0])
+    for k in range(bands.shape[0]):
+        below, above = own_edges(view, body, band_of(bands[k]))
+        shares[k] = 0.5 * (below + above)
+    return shares
 
 
 @called

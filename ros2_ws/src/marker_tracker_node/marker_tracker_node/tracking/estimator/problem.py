@@ -121,8 +121,14 @@ class Problem:
         view = camera_without(seen.camera, seen.without).view(seen.used)
         body = body_without(seen.body, seen.without)
         self._used = body
-        self._goal = pictures.band_pictures(view, body, body, self._bands)[:, 0]
-        self._goal *= self._focal / (1.0 + seen.without[FOCAL])
+        found = pictures.band_pictures(view, body, body, self._bands)
+        self._goal = found[:, 0] * self._focal / (1.0 + seen.without[FOCAL])
+        shares = pictures.own_shares(view, body, self._bands)
+        self._cut = np.flatnonzero(shares < 1.0)
+        up = found[self._cut, pictures.HEIGHT]
+        up /= np.hypot(*up.T)[:, None]
+        # What a picture of a band that is cut off says of a way along the cylinder.
+        self._known = np.eye(2) - ((1.0 - shares[self._cut]) * up.T).T[:, :, None] * up[:, None]
         cuts = cut_off(self._bands, seen.body.cable_radius)
         out = 2.0 * LIFT_SIGMA * body.cable_radius * self._focal / (view.x - body.rho)
         lifted = np.where(self._bands[:, -1] > 0.0, out, 0.0)
@@ -139,7 +145,7 @@ class Problem:
                 # A band is cut off in each lap as in the last: more of them do not show more.
                 laps[own & cut] = np.unique(rows[own & cut, LAP]).size
             self.start[COUNT + i] = np.median(rows[own, ANGLE] - azimuth[own])
-            self.start[self._first_z + i] = np.median(rows[own, Z])
+            self.start[self._first_z + i] = np.median(rows[own & (shares >= shares[own].max()), Z])
         self.sigma = np.hypot(SIGHTING, CUT_SCATTER * np.sqrt(laps))
         self.prior = np.zeros(self.start.size)
         self.prior[:COUNT] = [number.doubt**-2 for number in NUMBERS]
@@ -197,6 +203,8 @@ class Problem:
         slopes[:, :, self._first_bias :] = self._bias
         explained = by[0] + self._bias @ x[self._first_bias :]
         off = self._goal - explained
+        off[self._cut] = (self._known @ off[self._cut, :, None])[:, :, 0]
+        slopes[self._cut] = self._known @ slopes[self._cut]
         # What lies behind the cylinder, or a step on, is not seen and explains nothing.
         hidden = np.isnan(by).any(axis=(0, 2))
         off[hidden], slopes[hidden] = HELD, 0.0

@@ -51,6 +51,7 @@ from marker_tracker_node.tracking.frame.laid_path import (
     mean_gap,
     search_reach,
 )
+from marker_tracker_node.tracking.frame.run_means import BIAS, whole_share
 from marker_tracker_node.tracking.state import CANDIDATES, Candidates, Marks, Setup
 from winding_core.compiling import called
 
@@ -123,7 +124,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
         colour = _colour_in_gate(scan.picture, gates, work)
         found = measure_mark(
             setup.detector, seeking(scan.picture, colour), setup.camera, setup.body, gates, work,
-            band, expected, 1.0, NEW_AREA,
+            band, expected, 1.0, whole_share(scan.cable.marks), NEW_AREA,
         )  # fmt: skip
         if found.outcome == HIDDEN:
             return
@@ -144,7 +145,7 @@ def verify_candidate(scan: Scan, theta: float, shift: float) -> None:  # pragma:
 @called
 def _colour_in_gate(picture: Picture, gates: Gates, n: int) -> int:  # pragma: no cover
     """Return the colour of markers that most pixels of gate n have."""
-    best, most = FIRST_COLOUR, -1
+    best, most = FIRST_COLOUR, -1.0
     if several_colours(picture):
         for colour in range(FIRST_COLOUR, picture.tables.size // TABLE_SIZE):
             count = gate_moments(seeking(picture, colour), gates, n)[0]
@@ -255,7 +256,8 @@ def confirm_candidates(
         marks.area[number] = max(candidates.area[c], WHOLE_AREA[0])
         marks.recent[number] = candidates.theta[c]
         marks.reference[number] = candidates.theta[c]
-        marks.weight[number] = 1.0
+        marks.weight[number] = marks.weight_height[number] = 1.0
+        marks.bias_height[number] = BIAS**2
         marks.var_theta[number] = 0.0
         marks.var_height[number] = 0.0
         marks.doubt_theta[number] = marks.doubt_theta.max() * further * further

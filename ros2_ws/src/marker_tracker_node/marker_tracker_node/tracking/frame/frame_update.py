@@ -50,6 +50,7 @@ from marker_tracker_node.tracking.frame.run_means import (
     REFERENCE_FRAMES,
     update_means,
     update_shift,
+    whole_share,
     write_results,
 )
 from marker_tracker_node.tracking.machine_motion import advance_machine, phase_lock
@@ -190,7 +191,8 @@ def _seen_beside(scan: Scan, out: Output, k: int) -> bool:  # pragma: no cover
 @compiled
 def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cover
     """Measure the known marker n in frame k and return what came of it."""
-    picture, setup, gates, area = scan.picture, scan.setup, scan.gates, scan.cable.marks.area
+    picture, setup, gates, marks = scan.picture, scan.setup, scan.gates, scan.cable.marks
+    area = marks.area
     band = band_of(scan.expected.bands[n])
     pixels, place = scan.expected.pixels[n], band
     if several_colours(picture):
@@ -200,7 +202,7 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
     for _ in range(PROOF_HITS):
         found = measure_mark(
             setup.detector, picture, setup.camera, setup.body, gates, n, place, pixels, area[n],
-            WHOLE_AREA,
+            whole_share(marks), WHOLE_AREA,
         )  # fmt: skip
         if found.outcome == HIDDEN or found.identity not in (NO_IDENTITY, n):
             return HIDDEN
@@ -219,10 +221,13 @@ def _measure(scan: Scan, n: int, out: Output, k: int) -> int:  # pragma: no cove
         return HIDDEN
     if abs(azimuth - band.azimuth) > PROOF_ADVANCE or abs(z - band.z) > SAME_HEIGHT:
         return HIDDEN
-    area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES
+    if band.low == -math.pi and band.high == math.pi:
+        # Of one that is cut off it shows where that lies beside its gate.
+        area[n] *= 1.0 + (found.share - 1.0) / REFERENCE_FRAMES
     out.azimuth[k, n] = azimuth - turned_since(setup, scan.shutter, azimuth, z)
     out.seen_height[k, n], out.slope[k, n] = z, band.slope
     out.low[k, n], out.high[k, n] = band.low, band.high
+    marks.lift[n] = band.lift
     out.below[k, n], out.above[k, n], out.lift[k, n] = band.below, band.above, band.lift
     out.sigma_theta[k, n], out.sigma_height[k, n] = found.azimuth_factor, found.z_factor
     return found.outcome

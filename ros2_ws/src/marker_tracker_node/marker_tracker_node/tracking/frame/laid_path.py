@@ -31,8 +31,9 @@ from winding_core.units import MILLIMETRE
 # hangs before the turn beside it, nearer to the line it lies beside that; a marker on it proves
 # itself from the second on.
 SPAN_LAST, APPROACH = -0.3, 0.25
-# Cable lies beside a band from so far before P0 on, and so far before the landing [rad].
-TAIL = 0.5
+# Cable may lie beside a band whose middle is so far before P0, or before the landing [rad]: a tail
+# is clamped half a radian behind P0, and a thick cable's band is as long.
+TAIL = 1.0
 # A band shows this far beside the place where it may be, or where bands are in sight [rad].
 BAND_REACH = 0.4
 # Places of a path in a turn.

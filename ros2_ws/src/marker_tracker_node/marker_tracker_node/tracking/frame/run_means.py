@@ -34,8 +34,11 @@ BIAS = math.sqrt(SIGHTING**2 - SCATTER**2)
 # Of z, where a thick cable is bent sharply: in so many r^2 / (R + r), r and R + r the radii of the
 # cable and of its bend.
 BENT = 0.045
+# Of z, where a band lies on other turns, beside which theirs show: in so many cable diameters, as
+# in ten windings of layers.
+RAISED = 0.03
 # What a run, in which a band is seen under every azimuth, leaves of the mask's bias and of that.
-OVER_RUN, BENT_OVER_RUN = 0.75, 0.5
+OVER_RUN, BENT_OVER_RUN = 0.7, 0.5
 # A corrected value is gone over to by so much of its deviation in each frame.
 STEP = 0.5
 
@@ -50,6 +53,12 @@ def update_shift(run: Run, azimuth: float, turned: float) -> None:  # pragma: no
         return
     run.shift_weight = min(run.shift_weight + 1.0, SHIFT_FRAMES)
     run.shift += (azimuth - turned) / run.shift_weight
+
+
+@called
+def whole_share(marks: Marks) -> float:  # pragma: no cover
+    """Return measured over expected area of a band that is seen whole, as P0 is as it lands."""
+    return float(marks.area[0]) if marks.known[0] else 1.0
 
 
 @called
@@ -73,17 +82,24 @@ def update_means(marks: Marks, out: Output, k: int, turned: float) -> None:  # p
             continue
         theta = base - out.azimuth[k, n]
         out.theta[k, n] = theta
-        d_theta, d_height = theta - marks.theta[n], out.seen_height[k, n] - marks.height[n]
+        d_theta = theta - marks.theta[n]
         # What is seen in part counts less.
         factor = _joint(out.sigma_theta[k, n], first)
         mine = trust / (factor * factor)
-        own_theta, own_height = d_theta / factor, d_height / out.sigma_height[k, n]
+        own_theta = d_theta / factor
         marks.weight[n] = min(marks.weight[n] + mine, MEMORY)
-        part = mine / marks.weight[n]
-        marks.theta[n] += part * d_theta
-        marks.height[n] += part * d_height
+        marks.theta[n] += mine / marks.weight[n] * d_theta
         marks.var_theta[n] += (own_theta * own_theta - marks.var_theta[n]) / REFERENCE_FRAMES
-        marks.var_height[n] += (own_height * own_height - marks.var_height[n]) / REFERENCE_FRAMES
+        part_z = out.sigma_height[k, n]
+        if math.isfinite(part_z):
+            d_height, square = out.seen_height[k, n] - marks.height[n], part_z * part_z
+            own_height, mine = d_height / part_z, trust / square
+            marks.weight_height[n] = min(marks.weight_height[n] + mine, MEMORY)
+            mine /= marks.weight_height[n]
+            marks.height[n] += mine * d_height
+            marks.bias_height[n] += mine * (square * BIAS**2 - marks.bias_height[n])
+            change = own_height * own_height - marks.var_height[n]
+            marks.var_height[n] += change / REFERENCE_FRAMES
         marks.recent[n] += (theta - marks.recent[n]) / RECENT_FRAMES
         if marks.weight[n] <= REFERENCE_FRAMES:
             marks.reference[n] = marks.theta[n]
@@ -113,7 +129,8 @@ def write_results(
         first = out.sigma_theta[k, 0]
         from_theta, from_height = _bias_variances(setup, out, k, 0)
         from_theta *= first * first
-        from_height *= out.sigma_height[k, 0] ** 2
+        part_z = out.sigma_height[k, 0]
+        from_height = from_height * part_z * part_z if math.isfinite(part_z) else mean_height
     # A mark that is no ring moves around the section with the cable: P0's and its own both count.
     twisted = 2.0 * (setup.torsion * setup.body.cable_radius) ** 2
     for n in range(marks.known.size):
@@ -132,9 +149,12 @@ def write_results(
             own_theta += _joint(part, first) ** 2 * _scatter(marks.var_theta[n], facing[0])
             own_height += _scatter(marks.var_height[n], facing[1])
             own_height *= part_z * part_z
-            own_height += from_height
             own_theta += marks.doubt_theta[n]
-            own_height += marks.doubt_height[n]
+            own_height += marks.doubt_height[n] + _raised(setup, marks, n)
+            if not math.isfinite(part_z):
+                # Cut off on both sides it lies where it did.
+                own_height = _mean_variances(setup, facing, marks, n)[1]
+            own_height += from_height
         else:
             flags |= PREDICTED
             out.theta[k, n] = marks.theta[n]
@@ -179,9 +199,16 @@ def _bias_variances(
     """Return what azimuth [rad^2] and z [m^2] of a band measured in frame k may have in common."""
     angle, height = pixel_size(setup, out.azimuth[k, n])
     cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
-    # What scatter does not show.
+    # What scatter does not show; how far a gate cuts is told of z by how much of it is seen.
     pixels = BIAS**2 + (SIGHTING**2 if cut else 0.0)
-    return angle * angle * pixels, height * height * pixels + bent_height(setup.body) ** 2
+    return angle * angle * pixels, (height * BIAS) ** 2 + bent_height(setup.body) ** 2
+
+
+@called
+def _raised(setup: Setup, marks: Marks, n: int) -> float:  # pragma: no cover
+    """Return the variance of z that comes of turns below a band [m^2]."""
+    sigma = RAISED * 2.0 * setup.body.cable_radius
+    return sigma * sigma if marks.lift[n] > 0.0 else 0.0
 
 
 @called
@@ -195,14 +222,15 @@ def _mean_variances(
     setup: Setup, facing: tuple[float, float], marks: Marks, n: int
 ) -> tuple[float, float]:  # pragma: no cover
     """Return the variances of a run mean, see `mean_variances`; facing is a pixel's size there."""
-    weight = max(marks.weight[n], 1.0)
+    weight, weight_height = max(marks.weight[n], 1.0), max(marks.weight_height[n], 1.0)
     return (
         (OVER_RUN * BIAS * facing[0]) ** 2
         + _scatter(marks.var_theta[n], facing[0]) / weight
         + marks.doubt_theta[n],
-        (OVER_RUN * BIAS * facing[1]) ** 2
+        marks.bias_height[n] * (OVER_RUN * facing[1]) ** 2
         + (BENT_OVER_RUN * bent_height(setup.body)) ** 2
-        + _scatter(marks.var_height[n], facing[1]) / weight
+        + _scatter(marks.var_height[n], facing[1]) / weight_height
+        + _raised(setup, marks, n)
         + marks.doubt_height[n],
     )
 
