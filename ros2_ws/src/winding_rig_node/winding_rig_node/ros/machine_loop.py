@@ -182,10 +182,9 @@ class MachineLoop:
         """Move the machine on by a sample, and the cable with it."""
         self.machine.step()
         if self.lay is not None:
-            state = self.machine.state
-            angle, carriage = state.cylinder.motor.position, state.carriage.motor.position
-            guide = None if state.arm is None else state.arm.true_place
-            self.lay.advance(angle, carriage, self.machine.pull, guide)
+            axes = self.machine.true_reading()
+            pull = self.machine.pull
+            self.lay.advance(axes.cylinder_angle, axes.carriage_position, pull, axes.guide)
 
     def _check_supervisor(self) -> None:
         limit = self.wanted.supervisor_timeout

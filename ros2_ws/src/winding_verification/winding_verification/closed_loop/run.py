@@ -261,20 +261,13 @@ def wind(run: ClosedRun) -> ClosedResult:
     while machine.reading().cylinder_angle < run.end and machine.moving:
         machine.step()
         sample += 1
-        state = machine.state
         reading = machine.reading()
-        motor = state.cylinder.motor
-        eye = state.carriage.motor.position + run.displaced(motor.position)
+        true = machine.true_reading()
+        eye = true.carriage_position + run.displaced(true.cylinder_angle)
         if isinstance(truth, DrivenLay):
-            truth.advance(motor.position, eye, machine.pull)
+            truth.advance(true.cylinder_angle, eye, machine.pull)
         else:
-            true = AxisReading(
-                cylinder_angle=motor.position,
-                angular_speed=motor.speed,
-                carriage_position=eye,
-                feed_speed=state.carriage.motor.speed,
-            )
-            truth.advance(machine.time, true, machine.pull)
+            truth.advance(machine.time, replace(true, carriage_position=eye), machine.pull)
         if sample % _FRAMES == 0:
             controller.take_markers(tracker.markers(reading.cylinder_angle))
         if sample % _LAYS == 0:
