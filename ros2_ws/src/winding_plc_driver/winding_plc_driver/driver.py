@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -11,7 +11,7 @@ from winding_core.status import Level, Status
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
 from winding_plc_driver.machine.mapping import AXES, START, MachineMapping, State
 from winding_plc_driver.machine.pacing import Measured, Pacer
-from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue, VariableReader
+from winding_plc_driver.machine.reading import ServerValue, VariableReader
 from winding_plc_driver.opcua.nodes import READ, STATE
 from winding_plc_driver.opcua.request import LinkError, RefusedError
 from winding_plc_driver.opcua.session import Session
@@ -207,14 +207,43 @@ class Driver:
         if newest:
             # The PLC's clock and the way from it: far from zero, one of the clocks is not set.
             further["age of the newest value"] = f"{self.wall() - 1e-9 * newest:.3f} s"
-        return report(
-            [error for error in errors if error],
-            [self._beat_complaint] if self._beat_complaint else [],
-            readers=self._readers,
-            joiner=self._joiner,
-            numbers=self.session.subscription.numbers,
-            further=further,
-        )
+        return self._counted([error for error in errors if error], further)
+
+    def _counted(self, errors: list[str], values: dict[str, str]) -> Status:
+        """Return the status with what was counted.
+
+        Args:
+            errors: Sentences on what does not work, worst first; the numbers' own are added.
+            values: What else is to be shown, before the counts.
+        """
+        readers, counts = self._readers, self._joiner.counts
+        numbers = self.session.subscription.numbers
+        overflows = sum(reader.overflows for reader in readers.values())
+        errors += [reader.complaint for reader in readers.values() if reader.complaint]
+        warnings = [self._beat_complaint] if self._beat_complaint else []
+        if numbers.gaps or overflows or counts.late:
+            warnings.append(
+                f"lost so far: {numbers.gaps} notifications, {overflows} times values from a full "
+                f"queue, {counts.late} values that came too late"
+            )
+        for name, reader in readers.items():
+            values[f"{name} taken"] = str(reader.taken)
+            values[f"{name} repeated"] = str(reader.repeated)
+            values[f"{name} unusable"] = str(reader.unusable)
+        values |= {
+            "samples joined": str(counts.joined),
+            "samples interpolated": str(counts.interpolated),
+            "samples held": str(counts.held),
+            "values too late": str(counts.late),
+            "values too early": str(counts.early),
+            "queue overflows": str(overflows),
+            "notifications missing": str(numbers.gaps),
+            "notifications fetched again": str(numbers.fetched),
+            "notifications repeated": str(numbers.repeated),
+        }
+        level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
+        sentences = errors or warnings or ["the link is up"]
+        return Status(name=NAME, level=level, message="; ".join(sentences), values=values)
 
 
 NAME = "winding_rig: PLC"
@@ -224,52 +253,3 @@ def machine_state(state: State, value: object) -> tuple[str, bool]:
     """Return (the machine's state in words, whether it is a fault)."""
     words = state.names.get(value) if isinstance(value, int) else None
     return words or str(value), value in state.faults
-
-
-def report(
-    errors: list[str],
-    warnings: list[str],
-    *,
-    readers: Mapping[str, VariableReader],
-    joiner: Joiner,
-    numbers: SequenceNumbers,
-    further: Mapping[str, str],
-) -> Status:
-    """Return the status of the driver.
-
-    Args:
-        errors: Sentences on what does not work, worst first.
-        warnings: Sentences on what works and should be known.
-        readers: Of every number.
-        joiner: Of the axes.
-        numbers: Of the notifications.
-        further: What else is to be shown.
-    """
-    counts = joiner.counts
-    overflows = sum(reader.overflows for reader in readers.values())
-    errors = [*errors, *(reader.complaint for reader in readers.values() if reader.complaint)]
-    if numbers.gaps or overflows or counts.late:
-        warnings = [
-            *warnings,
-            f"lost so far: {numbers.gaps} notifications, {overflows} times values from a full "
-            f"queue, {counts.late} values that came too late",
-        ]
-    level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
-    values = dict(further)
-    for name, reader in readers.items():
-        values[f"{name} taken"] = str(reader.taken)
-        values[f"{name} repeated"] = str(reader.repeated)
-        values[f"{name} unusable"] = str(reader.unusable)
-    values |= {
-        "samples joined": str(counts.joined),
-        "samples interpolated": str(counts.interpolated),
-        "samples held": str(counts.held),
-        "values too late": str(counts.late),
-        "values too early": str(counts.early),
-        "queue overflows": str(overflows),
-        "notifications missing": str(numbers.gaps),
-        "notifications fetched again": str(numbers.fetched),
-        "notifications repeated": str(numbers.repeated),
-    }
-    sentences = errors or warnings or ["the link is up"]
-    return Status(name=NAME, level=level, message="; ".join(sentences), values=values)
