@@ -10,7 +10,7 @@ IEEE Trans. Microwave Theory Tech. 42, 1994; the change is Broyden's rank-one up
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,8 +133,9 @@ class Search:
     runs: Sequence[TrackedRun]  # At least one
     family: Family  # Material with parameters, shape (p,)
     bounds: tuple[FloatArray, FloatArray]  # Least and greatest parameters, shape (p,) each
-    config: FitConfig  # Assumed deviations and limits
-    going: Callable[[], bool]  # Returns whether the result is still wanted; called repeatedly
+    config: FitConfig = field(default_factory=FitConfig)  # Assumed deviations and limits
+    # Returns whether the result is still wanted; called repeatedly
+    going: Callable[[], bool] = lambda: True
     # The rod's excess in an earlier search of the same run, when it had fewer markers; the search
     # begins there, and one call of the rod confirms it
     before: RodExcess | None = None
