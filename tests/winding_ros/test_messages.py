@@ -27,7 +27,7 @@ from visualization_msgs.msg import Marker
 
 from marker_tracker_node.camera.image_formats import PixelReader
 from winding_core.cable.material_report import MaterialReport, refused_material
-from winding_core.machine.axes import MachineAxes
+from winding_core.machine.axes import JointSample, MachineAxes
 from winding_core.machine.commands import AxisTarget, JointTargets, JointTrajectory, Waypoint
 from winding_core.machine.readings import AxisReading, GuidePlace, Quantity
 from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, wound_markers
@@ -320,7 +320,9 @@ def joint_state(padding: int) -> bytes:
 def test_numbers_are_found_whatever_stands_between_the_fields() -> None:
     layout = JointStateLayout.of(joint_state(0), AXIS_JOINTS)
     assert layout.fits(joint_state(0xA5))
-    assert layout.numbers(joint_state(0xA5)) == (0.0, 1.5, 0.25, 2.0, -1.0)
+    assert layout.sample(joint_state(0xA5)) == JointSample(
+        t=0.0, cylinder=1.5, carriage=0.25, cylinder_speed=2.0, carriage_speed=-1.0
+    )
 
 
 def test_a_driver_that_changes_its_joints_is_read_on() -> None:

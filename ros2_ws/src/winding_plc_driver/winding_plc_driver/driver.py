@@ -2,7 +2,8 @@
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol
 
 from winding_core.machine.joining import Joiner, Sample
@@ -10,7 +11,7 @@ from winding_core.status import Level, Status
 from winding_plc_driver.machine.link import HeartbeatWatch, Link
 from winding_plc_driver.machine.mapping import AXES, START, MachineMapping, State
 from winding_plc_driver.machine.pacing import Measured, Pacer
-from winding_plc_driver.machine.reading import SequenceNumbers, ServerValue, VariableReader
+from winding_plc_driver.machine.reading import ServerValue, VariableReader
 from winding_plc_driver.opcua.nodes import READ, STATE
 from winding_plc_driver.opcua.request import LinkError, RefusedError
 from winding_plc_driver.opcua.session import Session
@@ -36,31 +37,23 @@ class Outlets(Protocol):
         """Report an event to the operator."""
 
 
+@dataclass(eq=False)
 class Driver:
-    """Drives one machine; every method runs on one event loop.
+    """Drives one machine; every method runs on one event loop."""
 
-    Args:
-        mapping: Of the machine.
-        session: With its server.
-        clock: Monotonic time [s].
-        wall: Wall time [s since 1970].
-    """
+    mapping: MachineMapping  # Of the machine
+    session: Session  # With its server
+    clock: Callable[[], float]  # Monotonic time [s]
+    wall: Callable[[], float]  # Wall time [s since 1970]
 
-    def __init__(
-        self,
-        mapping: MachineMapping,
-        session: Session,
-        clock: Callable[[], float],
-        wall: Callable[[], float],
-    ) -> None:
-        self._mapping = mapping
-        self._session = session
-        self._clock, self._wall = clock, wall
-        self._link = Link(mapping.server, clock())
-        self._heartbeat = HeartbeatWatch(mapping.heartbeat)
-        self._readers = {name: VariableReader(name, v) for name, v in mapping.variables.items()}
-        self._joiner = Joiner(mapping.axes, mapping.server.join_wait_s)
-        self._pacer = Pacer(clock())
+    def __post_init__(self) -> None:
+        self._link = Link(self.mapping.server, self.clock())
+        self._heartbeat = HeartbeatWatch(self.mapping.heartbeat)
+        self._readers = {
+            name: VariableReader(name, v) for name, v in self.mapping.variables.items()
+        }
+        self._joiner = Joiner(self.mapping.axes, self.mapping.server.join_wait_s)
+        self._pacer = Pacer(self.clock())
         self._state: object = None
         self._beat_complaint = ""
         self._opened = False
@@ -73,13 +66,13 @@ class Driver:
             RefusedError: It refuses user, certificate or mapping.
         """
         try:
-            await self._session.open()
+            await self.session.open()
             self._opened = True
         except LinkError as error:
-            self._session.abandon()
+            self.session.abandon()
             self._link.failed(str(error))
         except RefusedError:
-            self._session.abandon()
+            self.session.abandon()
             raise
 
     async def run(self, outlets: Outlets) -> None:
@@ -90,17 +83,17 @@ class Driver:
                 tasks.create_task(self._report(outlets))
                 tasks.create_task(self._keep_link(outlets))
         finally:
-            await self._session.close()
+            await self.session.close()
 
     async def command(self, name: str) -> tuple[bool, str]:
         """Return (whether the command was executed, one sentence)."""
-        refusal = self._link.refuse(name, self._clock())
+        refusal = self._link.refuse(name, self.clock())
         if not refusal and name == START:
-            refusal = self._heartbeat.complaint(self._clock())
+            refusal = self._heartbeat.complaint(self.clock())
         if refusal:
             return False, refusal
         try:
-            return await self._session.call(name, self._mapping.commands[name])
+            return await self.session.call(name, self.mapping.commands[name])
         except LinkError as error:
             return False, str(error)
 
@@ -108,22 +101,22 @@ class Driver:
         while True:
             try:
                 if not self._opened:
-                    await self._session.open()
+                    await self.session.open()
                 self._opened = False
-                while stop := self._link.stop_on_return(self._clock()):
-                    _, answer = await self._session.call(stop, self._mapping.commands[stop])
+                while stop := self._link.stop_on_return(self.clock()):
+                    _, answer = await self.session.call(stop, self.mapping.commands[stop])
                     self._link.stopped(stop)
                     outlets.log(f"the link is back and the machine received {stop}: {answer}")
                 self._link.established()
                 self._changed.set()
-                outlets.log(f"ready: the link to {self._mapping.server.endpoint} is up")
+                outlets.log(f"ready: the link to {self.mapping.server.endpoint} is up")
                 await self._follow(outlets)
             except (LinkError, RefusedError) as error:
-                self._session.abandon()
+                self.session.abandon()
                 wait = 0.0
                 if self._link.up:
-                    self._link.lost(self._clock(), str(error))
-                    outlets.log(self._link.complaint(self._clock()))
+                    self._link.lost(self.clock(), str(error))
+                    outlets.log(self._link.complaint(self.clock()))
                 else:
                     wait = self._link.failed(str(error))
                 self._changed.set()
@@ -131,23 +124,23 @@ class Driver:
 
     async def _follow(self, outlets: Outlets) -> None:
         """Take what the PLC sends until the link is lost."""
-        self._heartbeat.restart(self._clock())
+        self._heartbeat.restart(self.clock())
         beat = asyncio.create_task(self._beat())
         try:
             async with contextlib.aclosing(
-                self._session.subscription.notifications()
+                self.session.subscription.notifications()
             ) as notifications:
                 async for values in notifications:
                     for value in values:
                         self._take(value)
                     self._publish(outlets)
-                    await self._session.renew()
+                    await self.session.renew()
         finally:
             beat.cancel()
 
     def _take(self, value: ServerValue) -> None:
         if value.title == READ:
-            self._heartbeat.see(value.value, self._clock())
+            self._heartbeat.see(value.value, self.clock())
         elif value.title == STATE:
             if value.value != self._state:
                 self._changed.set()
@@ -155,12 +148,12 @@ class Driver:
         elif (read := self._readers[value.title].read(value)) is not None:
             stamp_ns, number = read
             if value.title in AXES:
-                self._joiner.add(value.title, stamp_ns, number, self._clock())
+                self._joiner.add(value.title, stamp_ns, number, self.clock())
             else:
                 self._pacer.add(stamp_ns, Measured(value.title, number))
 
     def _publish(self, outlets: Outlets) -> None:
-        now = self._clock()
+        now = self.clock()
         for sample in self._joiner.take(now):
             self._pacer.add(sample.stamp_ns, sample)
         for stamp_ns, item in self._pacer.take(now):
@@ -175,10 +168,10 @@ class Driver:
             self._publish(outlets)
 
     async def _beat(self) -> None:
-        heartbeat = self._mapping.heartbeat
+        heartbeat = self.mapping.heartbeat
         while heartbeat.write:
             try:
-                await self._session.beat(self._heartbeat.advance())
+                await self.session.beat(self._heartbeat.advance())
                 self._beat_complaint = ""
             except (LinkError, RefusedError) as error:
                 self._beat_complaint = str(error)
@@ -193,35 +186,64 @@ class Driver:
                     await self._changed.wait()
 
     def _status(self) -> Status:
-        now = self._clock()
+        now = self.clock()
         errors = [self._link.complaint(now)]
         if self._link.up:
             errors.append(self._heartbeat.complaint(now))
         further = {
-            "endpoint": self._mapping.server.endpoint,
+            "endpoint": self.mapping.server.endpoint,
             "links lost": str(self._link.losses),
-            "sessions resumed": str(self._session.resumed),
-            "channels renewed": str(self._session.renewed),
+            "sessions resumed": str(self.session.resumed),
+            "channels renewed": str(self.session.renewed),
         }
-        if self._mapping.state is not None:
-            words, fault = machine_state(self._mapping.state, self._state)
+        if self.mapping.state is not None:
+            words, fault = machine_state(self.mapping.state, self._state)
             further["machine"] = words
             if fault and self._link.up:
                 errors.append(f"the machine reports {words}")
-        if self._mapping.heartbeat.read:
+        if self.mapping.heartbeat.read:
             further["heartbeat of the PLC"] = str(self._heartbeat.seen)
         newest = max(reader.newest_ns for reader in self._readers.values())
         if newest:
             # The PLC's clock and the way from it: far from zero, one of the clocks is not set.
-            further["age of the newest value"] = f"{self._wall() - 1e-9 * newest:.3f} s"
-        return report(
-            [error for error in errors if error],
-            [self._beat_complaint] if self._beat_complaint else [],
-            readers=self._readers,
-            joiner=self._joiner,
-            numbers=self._session.subscription.numbers,
-            further=further,
-        )
+            further["age of the newest value"] = f"{self.wall() - 1e-9 * newest:.3f} s"
+        return self._counted([error for error in errors if error], further)
+
+    def _counted(self, errors: list[str], values: dict[str, str]) -> Status:
+        """Return the status with what was counted.
+
+        Args:
+            errors: Sentences on what does not work, worst first; the numbers' own are added.
+            values: What else is to be shown, before the counts.
+        """
+        readers, counts = self._readers, self._joiner.counts
+        numbers = self.session.subscription.numbers
+        overflows = sum(reader.overflows for reader in readers.values())
+        errors += [reader.complaint for reader in readers.values() if reader.complaint]
+        warnings = [self._beat_complaint] if self._beat_complaint else []
+        if numbers.gaps or overflows or counts.late:
+            warnings.append(
+                f"lost so far: {numbers.gaps} notifications, {overflows} times values from a full "
+                f"queue, {counts.late} values that came too late"
+            )
+        for name, reader in readers.items():
+            values[f"{name} taken"] = str(reader.taken)
+            values[f"{name} repeated"] = str(reader.repeated)
+            values[f"{name} unusable"] = str(reader.unusable)
+        values |= {
+            "samples joined": str(counts.joined),
+            "samples interpolated": str(counts.interpolated),
+            "samples held": str(counts.held),
+            "values too late": str(counts.late),
+            "values too early": str(counts.early),
+            "queue overflows": str(overflows),
+            "notifications missing": str(numbers.gaps),
+            "notifications fetched again": str(numbers.fetched),
+            "notifications repeated": str(numbers.repeated),
+        }
+        level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
+        sentences = errors or warnings or ["the link is up"]
+        return Status(name=NAME, level=level, message="; ".join(sentences), values=values)
 
 
 NAME = "winding_rig: PLC"
@@ -231,52 +253,3 @@ def machine_state(state: State, value: object) -> tuple[str, bool]:
     """Return (the machine's state in words, whether it is a fault)."""
     words = state.names.get(value) if isinstance(value, int) else None
     return words or str(value), value in state.faults
-
-
-def report(
-    errors: list[str],
-    warnings: list[str],
-    *,
-    readers: Mapping[str, VariableReader],
-    joiner: Joiner,
-    numbers: SequenceNumbers,
-    further: Mapping[str, str],
-) -> Status:
-    """Return the status of the driver.
-
-    Args:
-        errors: Sentences on what does not work, worst first.
-        warnings: Sentences on what works and should be known.
-        readers: Of every number.
-        joiner: Of the axes.
-        numbers: Of the notifications.
-        further: What else is to be shown.
-    """
-    counts = joiner.counts
-    overflows = sum(reader.overflows for reader in readers.values())
-    errors = [*errors, *(reader.complaint for reader in readers.values() if reader.complaint)]
-    if numbers.gaps or overflows or counts.late:
-        warnings = [
-            *warnings,
-            f"lost so far: {numbers.gaps} notifications, {overflows} times values from a full "
-            f"queue, {counts.late} values that came too late",
-        ]
-    level = Level.ERROR if errors else Level.WARN if warnings else Level.OK
-    values = dict(further)
-    for name, reader in readers.items():
-        values[f"{name} taken"] = str(reader.taken)
-        values[f"{name} repeated"] = str(reader.repeated)
-        values[f"{name} unusable"] = str(reader.unusable)
-    values |= {
-        "samples joined": str(counts.joined),
-        "samples interpolated": str(counts.interpolated),
-        "samples held": str(counts.held),
-        "values too late": str(counts.late),
-        "values too early": str(counts.early),
-        "queue overflows": str(overflows),
-        "notifications missing": str(numbers.gaps),
-        "notifications fetched again": str(numbers.fetched),
-        "notifications repeated": str(numbers.repeated),
-    }
-    sentences = errors or warnings or ["the link is up"]
-    return Status(name=NAME, level=level, message="; ".join(sentences), values=values)

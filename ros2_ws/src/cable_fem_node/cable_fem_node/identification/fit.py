@@ -1,15 +1,13 @@
 """Where the search ends, the test of its residuals, and how well the parameters are known."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.search import (
-    Family,
-    FitConfig,
     RodExcess,
     Search,
     angle_covariance,
@@ -57,28 +55,15 @@ class Fit:
         return max(abs(row.theta_fitted / row.theta - 1.0) for row in self.residuals)
 
 
-def fit(
-    runs: Sequence[TrackedRun],
-    family: Family,
-    start: FloatArray,
-    bounds: tuple[FloatArray, FloatArray],
-    config: FitConfig | None = None,
-    going: Callable[[], bool] = lambda: True,
-    before: RodExcess | None = None,
-) -> Fit:
+def fit(search: Search, start: FloatArray) -> Fit:
     """Return the parameters whose rod lays the markers of all runs where they were measured.
 
     Where the residuals contradict the assumed deviations, every marker is given a scatter of its
     own, as large as the residuals ask for, and the search is repeated with it.
 
     Args:
-        runs: At least one.
-        family: Material with parameters, shape (p,).
-        start: Where the search begins, shape (p,).
-        bounds: Least and greatest parameters, shape (p,) each.
-        config: Assumed deviations and limits.
-        going: Returns whether the result is still wanted; called repeatedly.
-        before: See `Search`.
+        search: Not yet run.
+        start: Where it begins, shape (p,).
 
     Raises:
         IdentificationError: The search does not come to rest, or the rod fails.
@@ -86,9 +71,8 @@ def fit(
     """
     from scipy.special import chdtrc, stdtrit  # noqa: PLC0415 - see `load_search`
 
-    config = FitConfig() if config is None else config
-    search = Search(runs, family, bounds, config, going, before)
-    low, high = bounds
+    runs, config = search.runs, search.config
+    low, high = search.bounds
     search.run(np.clip(start, low + 1.0e-9, high - 1.0e-9), scatter=0.0)
     angles = search.measured.size // 2
     left = (search.fitted - search.measured)[:angles]

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from importlib import import_module
 
 from cable_fem_node.dynamics.state import SolverError
@@ -49,33 +49,22 @@ class MaterialUpdate:
     ahead: RunAhead | None = None
 
 
+@dataclass(eq=False)
 class LiveMaterial:
     """Watches a run's tracked markers and decides when an identification is due.
 
     It is due whenever a further marker has landed and stands still.
-
-    Args:
-        config: The model that the run began with.
-        drive: The plan of the run.
-        duration: Planned time [s].
-        take_up: Whether the run is to go on with what is found.
-        steady: When a marker counts as measured.
     """
 
-    def __init__(
-        self,
-        config: WindingConfig,
-        drive: DriveProfile,
-        duration: float,
-        *,
-        take_up: bool,
-        steady: SteadyConfig | None = None,
-    ) -> None:
-        self._config = config
-        self._drive = drive
-        self._duration = duration
-        self._take_up = take_up
-        self._markers = SteadyMarkers(steady)
+    config: WindingConfig  # The model that the run began with
+    drive: DriveProfile  # The plan of the run
+    duration: float  # Planned time [s]
+    _: KW_ONLY
+    take_up: bool  # Whether the run is to go on with what is found
+    steady: SteadyConfig | None = None  # When a marker counts as measured
+
+    def __post_init__(self) -> None:
+        self._markers = SteadyMarkers(self.steady)
         self._used: tuple[int, ...] = ()
         self._excess: RodExcess | None = None
 
@@ -93,19 +82,19 @@ class LiveMaterial:
             return None
         self._used = steady
         return MaterialTask(
-            config=self._config,
+            config=self.config,
             inputs=history.inputs,
             readings=readings,
-            drive=self._drive,
-            duration=self._duration,
-            wanted_ahead=self._take_up,
+            drive=self.drive,
+            duration=self.duration,
+            wanted_ahead=self.take_up,
             before=self._excess,
         )
 
     def learn(self, update: MaterialUpdate) -> None:
         """Begin the next search where the last one ended."""
         if update.config is not None and update.estimate is not None:
-            self._config = update.config
+            self.config = update.config
             self._excess = update.estimate.fit.excess
 
 

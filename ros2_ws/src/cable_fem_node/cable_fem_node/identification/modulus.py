@@ -10,7 +10,7 @@ import numpy as np
 from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.fit import Fit, fit, half_width
 from cable_fem_node.identification.quasi_static import softest_young
-from cable_fem_node.identification.search import FitConfig, RodExcess
+from cable_fem_node.identification.search import FitConfig, RodExcess, Search
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from cable_fem_node.winding.winding_config import WindingConfig
 from winding_core.cable.material_law import MaterialLaw
@@ -105,7 +105,8 @@ def identify_modulus(
             f"{max(run.highest_tension for run in runs):.4g} N"
         )
     start = np.array([math.log(first.case.material.young)])
-    found = fit(runs, family, start, (np.array([low]), np.array([high])), config, going, before)
+    bounds = np.array([low]), np.array([high])
+    found = fit(Search(runs, family, bounds, config or FitConfig(), going, before), start)
     young = math.exp(float(found.parameters[0]))
     error = math.sqrt(float(found.covariance[0, 0]))
     return ModulusEstimate(

@@ -65,11 +65,9 @@ def markers_ahead(
     if unused.size == 0:
         return ()
     rng = np.random.default_rng(1)
-    readings, deviations = part.run.readings, part.deviations
-    theta = _carried(
-        theta, part, unused, readings.theta, deviations.theta, readings.sigma_theta, rng
+    theta, z = (
+        _carried(part, name, laid, unused, rng) for name, laid in (("theta", theta), ("z", z))
     )
-    z = _carried(z, part, unused, readings.z, deviations.z, readings.sigma_z, rng)
     s = np.hypot(part.run.config.case.centreline_radius * theta, z)
     rows = []
     for column, marker in enumerate(unused.tolist()):
@@ -95,16 +93,16 @@ def markers_ahead(
 
 
 def _carried(
-    laid: FloatArray,
     part: RigPart,
+    name: str,
+    laid: FloatArray,
     unused: NDArray[np.intp],
-    measured: FloatArray,
-    deviations: FloatArray,
-    sigma: FloatArray,
     rng: np.random.Generator,
 ) -> FloatArray:
-    """Return one draw of the unused markers' places for each rig, shape (n, u)."""
-    used = part.used
+    """Return one draw of theta or z of the unused markers for each rig, shape (n, u)."""
+    used, deviations = part.used, getattr(part.deviations, name)
+    measured = getattr(part.run.readings, name)
+    sigma = getattr(part.run.readings, f"sigma_{name}")
     seen = deviations[np.ix_(used, used)] + np.diag(sigma**2)
     across = deviations[np.ix_(unused, used)]
     gain = np.linalg.solve(seen, across.T).T

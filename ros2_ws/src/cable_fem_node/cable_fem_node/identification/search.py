@@ -10,7 +10,7 @@ IEEE Trans. Microwave Theory Tech. 42, 1994; the change is Broyden's rank-one up
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -126,41 +126,29 @@ class FitConfig:
     misfit_level: float = 0.01
 
 
+@dataclass(eq=False)
 class Search:
-    """Alternates between the corrected closed form and the rod; angles come first, then z.
+    """Alternates between the corrected closed form and the rod; angles come first, then z."""
 
-    Args:
-        runs: At least one.
-        family: Material with parameters, shape (p,).
-        bounds: Least and greatest parameters, shape (p,) each.
-        config: Assumed deviations and limits.
-        going: Returns whether the result is still wanted; called repeatedly.
-        before: The rod's excess in an earlier search of the same run, when it had fewer markers;
-            the search begins there, and one call of the rod confirms it.
-    """
+    runs: Sequence[TrackedRun]  # At least one
+    family: Family  # Material with parameters, shape (p,)
+    bounds: tuple[FloatArray, FloatArray]  # Least and greatest parameters, shape (p,) each
+    config: FitConfig = field(default_factory=FitConfig)  # Assumed deviations and limits
+    # Returns whether the result is still wanted; called repeatedly
+    going: Callable[[], bool] = lambda: True
+    # The rod's excess in an earlier search of the same run, when it had fewer markers; the search
+    # begins there, and one call of the rod confirms it
+    before: RodExcess | None = None
 
-    def __init__(
-        self,
-        runs: Sequence[TrackedRun],
-        family: Family,
-        bounds: tuple[FloatArray, FloatArray],
-        config: FitConfig,
-        going: Callable[[], bool],
-        before: RodExcess | None = None,
-    ) -> None:
-        self._runs = runs
-        self._family = family
-        self._bounds = bounds
-        self._config = config
-        self._going = going
-        self.measured = _in_order([(run.readings.theta, run.readings.z) for run in runs])
+    def __post_init__(self) -> None:
+        self.measured = _in_order([(run.readings.theta, run.readings.z) for run in self.runs])
         self._angles = np.arange(self.measured.size) < self.measured.size // 2
         # How the rod differs from the closed form: at the last call, and per parameter.
         self._asked_at: FloatArray | None = None
         self._excess = np.zeros(self.measured.size)
         self._slope = np.zeros((self.measured.size, 0))
-        if before is not None:
-            expected = before.expected_for(runs[0].readings.ids)
+        if self.before is not None:
+            expected = self.before.expected_for(self.runs[0].readings.ids)
             self._asked_at, self._excess = expected.parameters, expected.excess
             self._slope = expected.slope
         self.parameters = np.empty(0)
@@ -171,11 +159,11 @@ class Search:
     @property
     def excess(self) -> RodExcess | None:
         """The rod's last excess of one run; None before its first call, and of several runs."""
-        if self.calls == 0 or self._asked_at is None or len(self._runs) > 1:
+        if self.calls == 0 or self._asked_at is None or len(self.runs) > 1:
             return None
         return RodExcess(
             parameters=self._asked_at,
-            ids=self._runs[0].readings.ids,
+            ids=self.runs[0].readings.ids,
             excess=self._excess,
             slope=self._slope,
         )
@@ -195,7 +183,7 @@ class Search:
         from scipy.linalg import block_diag, solve_triangular  # noqa: PLC0415
         from scipy.optimize import least_squares  # noqa: PLC0415
 
-        runs, config = self._runs, self._config
+        runs, config = self.runs, self.config
         angle = angle_covariance(runs, config.model_share, scatter)
         axial = axial_covariance(runs, config.model_z)
         whiten = np.linalg.cholesky(block_diag(angle, axial))
@@ -206,7 +194,7 @@ class Search:
 
         p = start
         for attempt in range(config.max_calls + 1):
-            found = least_squares(distance, p, bounds=self._bounds, diff_step=1.0e-4, xtol=1.0e-10)
+            found = least_squares(distance, p, bounds=self.bounds, diff_step=1.0e-4, xtol=1.0e-10)
             self.covariance = _inverse(found.jac.T @ found.jac)
             step, p = np.abs(found.x - p), found.x
             self._refuse_blind(p)
@@ -224,13 +212,13 @@ class Search:
         error = float(np.sqrt(self.covariance[0, 0]))
         if error > _BLIND:
             raise IdentificationError(
-                f"the markers lie where every cable of about {self._family(p).young / 1e6:.3g} MPa "
+                f"the markers lie where every cable of about {self.family(p).young / 1e6:.3g} MPa "
                 f"or stiffer would lie (standard error {error:.0%}, limit {_BLIND:.0%}): it is "
                 "stretched too little to tell its modulus"
             )
 
     def _closed(self, p: FloatArray) -> FloatArray:
-        return _in_order([lay(run, self._family(p)) for run in self._runs])
+        return _in_order([lay(run, self.family(p)) for run in self.runs])
 
     def _corrected(self, p: FloatArray) -> FloatArray:
         excess = self._excess
@@ -240,13 +228,13 @@ class Search:
         return np.asarray(closed + np.where(self._angles, closed, 1.0) * excess)
 
     def _ask_rod(self, p: FloatArray) -> None:
-        law = self._family(p)
-        places = [lay(run, law) for run in self._runs]
+        law = self.family(p)
+        places = [lay(run, law) for run in self.runs]
         expected = _in_order(places)
         exact = _in_order(
             [
-                wind(run, law, theta, self._going)
-                for run, (theta, _) in zip(self._runs, places, strict=True)
+                wind(run, law, theta, self.going)
+                for run, (theta, _) in zip(self.runs, places, strict=True)
             ]
         )
         # Relative for angles, which differ by a share; absolute for z.

@@ -10,9 +10,7 @@ from functools import cached_property
 
 import numpy as np
 
-from cable_fem_node.dynamics.state import penalty
 from cable_fem_node.rod.rod_records import (
-    MERGE_AT,
     AxialResponse,
     Constants,
     Relaxation,
@@ -20,8 +18,7 @@ from cable_fem_node.rod.rod_records import (
     relaxation,
 )
 from winding_core.cable.cases import Case
-from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw, NoEquilibriumError
-from winding_core.machine.drum import Drum
+from winding_core.cable.material_law import TABLE_HIGH, MaterialLaw
 
 LONGEST = 5.0e-3  # What suits cylinders of 30 mm and more and moderate stretch [m]
 # A stretched element of the centreline radius times this leaves the circle so far that the cable
@@ -50,10 +47,6 @@ STEP_SAFETY = 0.8
 
 # Points of the table of stretch and landing radius over tension: errors below 1e-6.
 RESPONSE_POINTS = 4001
-
-# The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
-# by more than this share of the radius.
-SINK_SHARE = 0.005
 
 # Shares of what a segment of the span is lengthened by. Cable that moves over the surface by the
 # greater one wakes the resting cable next to it: what rests would have been stretched by that much
@@ -156,99 +149,6 @@ class ResolvedModel:
     constants: Constants  # Of the rod's kernel
     step: float  # Of the rod [s]: a share of 2 / omega of the stiffest axial and transverse motion
     still: float  # Motion over the surface of a node of the rod that counts as lying still [m]
-
-    @classmethod
-    def of(
-        cls,
-        case: Case,
-        law: MaterialLaw,
-        *,
-        tension: float,
-        lowest_tension: float,
-        thins: bool,
-        friction: float,
-        free_length: float,
-        segment_length: float | None,
-        damping_ratio: float,
-        mass_scaling: float,
-        rolling: bool,
-        drum: Drum | None = None,
-    ) -> ResolvedModel:
-        """Resolve the fields of a winding configuration.
-
-        Args:
-            case: What is wound.
-            law: Material law in uniaxial tension.
-            tension: Span tension at the start [N].
-            lowest_tension: Of the start and of where the tension's build-up ends [N].
-            thins: Whether the wound radius follows the cable's lateral stretch.
-            friction: Coulomb's coefficient, a ratio.
-            free_length: Tangent span [m].
-            segment_length: Of an element [m]; None: what suits the winding.
-            damping_ratio: Share of critical damping of the first axial mode of the span.
-            mass_scaling: Factor on the density.
-            rolling: Whether the cable may roll about its axis.
-            drum: Flanges; None where there are none.
-
-        Raises:
-            NoEquilibriumError: The law cannot carry the weight at any stretch.
-            ValueError: The weight stretches the cable beyond the tables.
-        """
-        stretch = law.stretch_at(tension / case.axial_area)
-        _refuse_endless_creep(law, case, tension)
-        lateral = float(law.lateral_stretch(stretch))
-        radius = case.cylinder_radius + case.cable_radius * (lateral if thins else 1.0)
-        lowest = max(lowest_tension, 1.0e-300)
-        bending_share = 0.5 * case.bending_stiffness * stretch / (lowest * radius**2)
-        h = segment_length or chosen_segment(law, stretch, bending_share, radius, free_length)
-        mass = mass_scaling * case.material.density * case.section_area * h
-        axial = case.material.young * case.axial_area / h
-        normal = max(6.0 * axial, tension * stretch * h / (SINK_SHARE * radius**2))
-        wave = math.sqrt(
-            case.material.axial_factor
-            * case.material.young
-            / (mass_scaling * case.material.density)
-        )
-        first_mode = 0.5 * math.pi * wave / free_length
-        polar = 0.5 * math.pi * case.cable_radius**4
-        chords = chord_radius(radius, stretch * h)
-        constants = Constants(
-            segment=h,
-            mass=mass,
-            bending=case.bending_stiffness,
-            touch=penalty(
-                normal, mass, friction=friction, stick_share=0.25, cable_radius=case.cable_radius
-            )._replace(line=radius, chords=chords, apart=2.0 * (radius - case.cylinder_radius)),
-            damping_rate=2.0 * damping_ratio * first_mode,
-            start_radius=chords,
-            contact_line=radius,
-            free_length=free_length,
-            roll_inertia=0.5 * mass * case.cable_radius**2,
-            torsion=law.shear_modulus * polar,
-            stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
-            rolling=rolling,
-            late=int(bending_share > STIFF),
-        )
-        if drum is not None:
-            low, high = drum.centre_lines(case.cable_diameter)
-            touch = constants.touch._replace(low=low, high=high, rim=drum.flange_radius)
-            constants = constants._replace(touch=touch)
-        return cls(
-            case=case,
-            law=law,
-            thins=thins,
-            tension=tension,
-            lowest_tension=lowest_tension,
-            stretch=stretch,
-            lateral=lateral,
-            wound_radius=radius,
-            segment=h,
-            bending_share=bending_share,
-            mass_scaling=mass_scaling,
-            constants=constants,
-            step=_stable_step(case.axial_area, law, tension, stretch, constants),
-            still=STILL_SHARE / STIRRED_SHARE * constants.stirred,
-        )
 
     @property
     def line_mass(self) -> float:
@@ -356,30 +256,3 @@ class ResolvedModel:
         loads = span_tension * self.case.material.prony.creep(landed())
         crept = [self.stretch_at(self.wound_tension(load)) for load in loads.tolist()]
         return float(np.mean(crept)) if crept else at_once
-
-
-def _refuse_endless_creep(law: MaterialLaw, case: Case, tension: float) -> None:
-    left = case.material.prony.left
-    if left == 1.0:
-        return
-    try:
-        law.stretch_at(tension / (left * case.axial_area))
-    except ValueError as error:
-        raise NoEquilibriumError(
-            f"prony leaves {left:.4g} of the stress, so {tension:.4g} N end as "
-            f"{tension / left:.4g} N would at once: {error}"
-        ) from error
-
-
-def _stable_step(
-    area: float, law: MaterialLaw, tension: float, stretch: float, k: Constants
-) -> float:
-    tangent = max(law.tangent(1.0), law.tangent(stretch))
-    along = 4.0 * tangent * area / k.segment + k.touch.stick_stiffness
-    short = 0.5 * (1.0 + MERGE_AT)
-    across = (
-        k.touch.normal_stiffness
-        + 16.0 * k.bending / (short * k.segment**3)
-        + 8.0 * tension / (stretch * k.segment)
-    )
-    return STEP_SAFETY * 2.0 * math.sqrt(k.mass / max(along, across))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import KW_ONLY, dataclass
 
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_model import WindingModel
@@ -38,37 +39,30 @@ def replay(inputs: Inputs, model: WindingModel, going: Callable[[], bool] = lamb
         model.advance_to(t, reading, tension)
 
 
+@dataclass(eq=False)
 class RunAhead:
     """Winds a cable along planned inputs, and keeps what it finds at the ends of pieces.
 
     What is found depends on the plan alone, not on when or in how many calls it is wound.
-
-    Args:
-        model: Where the plan begins; nothing else may advance it.
-        planned: (t [s], reading, tension [N] or None), ascending in time.
-        check: Called with the model at the end of every piece; raises to refuse.
-        piece: Simulated time of a piece [s].
     """
 
-    def __init__(
-        self,
-        model: WindingModel,
-        planned: Planned,
-        check: Callable[[WindingModel], None] = lambda _model: None,
-        *,
-        piece: float = PIECE,
-    ) -> None:
-        self.model = model  # As far as it is wound
+    # Begins where the plan does, then as far as it is wound; nothing else may advance it
+    model: WindingModel
+    planned: Planned  # (t [s], reading, tension [N] or None), ascending in time
+    # Called with the model at the end of every piece; raises to refuse
+    check: Callable[[WindingModel], None] = lambda _model: None
+    _: KW_ONLY
+    piece: float = PIECE  # Simulated time of a piece [s]
+
+    def __post_init__(self) -> None:
         self.done = False  # Whether the plan is wound to its end
         # Records of P0..Pn: one whenever further markers have been wound by the end of a piece, and
         # the last at the end of the plan.
         self.found: list[Markers] = []
-        self._planned = iter(planned)
+        self._planned = iter(self.planned)
         self._step = next(self._planned, None)
-        self._check = check
         self._wound = 1
-        self._piece = piece
-        self._end = model.time + piece
+        self._end = self.model.time + self.piece
 
     @classmethod
     def of(cls, run: PlannedRun, *, piece: float = PIECE) -> RunAhead:
@@ -104,9 +98,9 @@ class RunAhead:
             if self._step is None:
                 self.done = True
                 break
-        self._check(self.model)
+        self.check(self.model)
         if self.model.time >= self._end:
-            self._end += self._piece
+            self._end += self.piece
         elif not self.done:
             return None
         return self._find()

@@ -6,11 +6,22 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from cable_fem_node.winding.resolved_model import ResolvedModel
+from cable_fem_node.dynamics.state import penalty
+from cable_fem_node.rod.rod_records import MERGE_AT, Constants
+from cable_fem_node.winding.resolved_model import (
+    LEAST_STRAIN,
+    STEP_SAFETY,
+    STIFF,
+    STILL_SHARE,
+    STIRRED_SHARE,
+    ResolvedModel,
+    chord_radius,
+    chosen_segment,
+)
 from cable_fem_node.winding.validity import checks_of, refuse
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition, ResolvedCondition
-from winding_core.cable.material_law import LawParameters, MaterialLaw
+from winding_core.cable.material_law import LawParameters, MaterialLaw, NoEquilibriumError
 from winding_core.helix import PAPER_FREE_LENGTH
 from winding_core.machine.drum import Drum
 from winding_core.machine.tension import DeadWeight, TensionLaw
@@ -19,6 +30,9 @@ from winding_core.run_options import SolverOptions
 # Factors on the density where none is given. The solid's steps are so short that its true mass
 # takes hours; its factor was raised until the laid path began to move.
 MASS_SCALING = {"rod": 1.0, "solid": 400.0}
+# The contact spring is six times as stiff as a segment, or stiffer where the cable would sink in
+# by more than this share of the radius.
+_SINK_SHARE = 0.005
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,22 +79,7 @@ class WindingConfig(LawParameters):
     @cached_property
     def resolved(self) -> ResolvedModel:
         """What follows from the configuration, computed once."""
-        case, law = self.case, self.tension_law
-        tension, built_up = (law(case.weight, case.cylinder_diameter, s) for s in (0.0, math.inf))
-        return ResolvedModel.of(
-            case,
-            self.material_law(case.material.young, case.material.poisson),
-            tension=tension,
-            lowest_tension=min(tension, built_up),
-            thins=self.thins,
-            friction=self.friction,
-            free_length=self.free_length,
-            segment_length=self.segment_length,
-            damping_ratio=self.damping_ratio,
-            mass_scaling=self.mass_scaling,
-            rolling=self.rolling,
-            drum=self.drum,
-        )
+        return _resolved(self)
 
     @property
     def thins(self) -> bool:
@@ -117,6 +116,101 @@ class WindingConfig(LawParameters):
             raise ValueError("the solid element needs a law with stored energy: take law hencky")
         if self.drum is not None:
             raise ValueError("the solid element lies on a bare cylinder: leave out the drum")
+
+
+def _resolved(config: WindingConfig) -> ResolvedModel:
+    """Return what follows from a configuration.
+
+    Raises:
+        NoEquilibriumError: The law cannot carry the weight at any stretch.
+        ValueError: The weight stretches the cable beyond the tables.
+    """
+    case, free_length, mass_scaling = config.case, config.free_length, config.mass_scaling
+    law = config.material_law(case.material.young, case.material.poisson)
+    tension, built_up = (
+        config.tension_law(case.weight, case.cylinder_diameter, s) for s in (0.0, math.inf)
+    )
+    lowest_tension = min(tension, built_up)
+    stretch = law.stretch_at(tension / case.axial_area)
+    _refuse_endless_creep(law, case, tension)
+    lateral = float(law.lateral_stretch(stretch))
+    radius = case.cylinder_radius + case.cable_radius * (lateral if config.thins else 1.0)
+    lowest = max(lowest_tension, 1.0e-300)
+    bending_share = 0.5 * case.bending_stiffness * stretch / (lowest * radius**2)
+    h = config.segment_length or chosen_segment(law, stretch, bending_share, radius, free_length)
+    mass = mass_scaling * case.material.density * case.section_area * h
+    axial = case.material.young * case.axial_area / h
+    normal = max(6.0 * axial, tension * stretch * h / (_SINK_SHARE * radius**2))
+    wave = math.sqrt(
+        case.material.axial_factor * case.material.young / (mass_scaling * case.material.density)
+    )
+    first_mode = 0.5 * math.pi * wave / free_length
+    polar = 0.5 * math.pi * case.cable_radius**4
+    chords = chord_radius(radius, stretch * h)
+    touch = penalty(
+        normal, mass, friction=config.friction, stick_share=0.25, cable_radius=case.cable_radius
+    )._replace(line=radius, chords=chords, apart=2.0 * (radius - case.cylinder_radius))
+    if config.drum is not None:
+        low, high = config.drum.centre_lines(case.cable_diameter)
+        touch = touch._replace(low=low, high=high, rim=config.drum.flange_radius)
+    constants = Constants(
+        segment=h,
+        mass=mass,
+        bending=case.bending_stiffness,
+        touch=touch,
+        damping_rate=2.0 * config.damping_ratio * first_mode,
+        start_radius=chords,
+        contact_line=radius,
+        free_length=free_length,
+        roll_inertia=0.5 * mass * case.cable_radius**2,
+        torsion=law.shear_modulus * polar,
+        stirred=STIRRED_SHARE * max(abs(stretch - 1.0), LEAST_STRAIN) * h,
+        rolling=config.rolling,
+        late=int(bending_share > STIFF),
+    )
+    return ResolvedModel(
+        case=case,
+        law=law,
+        thins=config.thins,
+        tension=tension,
+        lowest_tension=lowest_tension,
+        stretch=stretch,
+        lateral=lateral,
+        wound_radius=radius,
+        segment=h,
+        bending_share=bending_share,
+        mass_scaling=mass_scaling,
+        constants=constants,
+        step=_stable_step(case.axial_area, law, tension, stretch, constants),
+        still=STILL_SHARE / STIRRED_SHARE * constants.stirred,
+    )
+
+
+def _refuse_endless_creep(law: MaterialLaw, case: Case, tension: float) -> None:
+    left = case.material.prony.left
+    if left == 1.0:
+        return
+    try:
+        law.stretch_at(tension / (left * case.axial_area))
+    except ValueError as error:
+        raise NoEquilibriumError(
+            f"prony leaves {left:.4g} of the stress, so {tension:.4g} N end as "
+            f"{tension / left:.4g} N would at once: {error}"
+        ) from error
+
+
+def _stable_step(
+    area: float, law: MaterialLaw, tension: float, stretch: float, k: Constants
+) -> float:
+    tangent = max(law.tangent(1.0), law.tangent(stretch))
+    along = 4.0 * tangent * area / k.segment + k.touch.stick_stiffness
+    short = 0.5 * (1.0 + MERGE_AT)
+    across = (
+        k.touch.normal_stiffness
+        + 16.0 * k.bending / (short * k.segment**3)
+        + 8.0 * tension / (stretch * k.segment)
+    )
+    return STEP_SAFETY * 2.0 * math.sqrt(k.mass / max(along, across))
 
 
 @dataclass(frozen=True, kw_only=True)

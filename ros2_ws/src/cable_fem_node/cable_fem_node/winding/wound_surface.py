@@ -42,6 +42,16 @@ class CableBelow(NamedTuple):
 AHEAD = 2.0 + _SOUGHT
 
 
+class _Map(NamedTuple):
+    """Crossings of the cable with lines along the cylinder, and the cells they lie in."""
+
+    cell: float  # Width of a cell [m]
+    first: int  # Number of the cell that the map begins with
+    top: IntArray  # Last crossing of each cell, -1 for none, shape (LINES, cells)
+    crossings: FloatArray  # Columns _THETA .. _ELEMENT, shape (room, 6)
+    before: IntArray  # Crossing that was its cell's last before it, shape (room,)
+
+
 class WoundSurface:
     """Crossings of the cable with lines along the cylinder, in cells of half its width.
 
@@ -54,11 +64,8 @@ class WoundSurface:
 
     def __init__(self, apart: float) -> None:
         self._apart = apart
-        self._cell = 0.5 * apart
-        self._first = 0  # Number of the cell that the map begins with
-        self._top: NDArray[np.int64] = np.full((LINES, 16), -1, dtype=np.int64)
-        self._crossings = np.zeros((256, 6))
-        self._before: NDArray[np.int64] = np.zeros(256, dtype=np.int64)
+        top, before = np.full((LINES, 16), -1, dtype=np.int64), np.zeros(256, dtype=np.int64)
+        self._map = _Map(0.5 * apart, 0, top, np.zeros((256, 6)), before)
         self._count = 0
         self._highest = 0.0  # Radius of the centre line of any cable so far [m]
 
@@ -90,18 +97,17 @@ class WoundSurface:
         self._highest = max(self._highest, float(path[2].max()))
         self._make_room(float(path[1].min()), float(path[1].max()))
         more = int((path[0, -1] - path[0, 0]) / TURN * LINES) + 2
-        if self._count + more > len(self._before):
+        if self._count + more > len(self._map.before):
             room = 2 * (self._count + more)
-            self._crossings = np.resize(self._crossings, (room, 6))
-            self._before = np.resize(self._before, room)
-        surface = (self._cell, self._first, self._top, self._crossings, self._before)
-        self._count = _lay(path, element, *surface, self._count)
+            self._map = self._map._replace(
+                crossings=np.resize(self._map.crossings, (room, 6)),
+                before=np.resize(self._map.before, room),
+            )
+        self._count = _lay(path, element, self._map, self._count)
 
     def lift(self, theta: float) -> None:
         """Take off what was laid beyond a wound angle [rad]."""
-        self._count = _lift(
-            theta, self._cell, self._first, self._top, self._crossings, self._before, self._count
-        )
+        self._count = _lift(theta, self._map, self._count)
 
     def below(self, path: FloatArray, lower: FloatArray, free: NDArray[np.bool_]) -> CableBelow:
         """Return the centre lines that nodes may lie on, see `Points.below`.
@@ -113,20 +119,19 @@ class WoundSurface:
         """
         n = path.shape[1]
         out, room = np.zeros((BELOW_HEIGHT, n)), np.empty((3, n))
-        surface = (self._cell, self._first, self._top, self._crossings, self._before)
-        near, way = _below(path, lower, free, self._apart, self._highest, *surface, out, room)
+        near, way = _below(path, lower, free, self._apart, self._highest, self._map, out, room)
         return CableBelow(out if near else out[:0], room, way)
 
     def _make_room(self, low: float, high: float) -> None:
-        first, last = math.floor(low / self._cell), math.floor(high / self._cell)
-        cells = self._top.shape[1]
-        if self._first <= first and last < self._first + cells:
+        cell, known, top, *_ = self._map
+        first, last = math.floor(low / cell), math.floor(high / cell)
+        cells = top.shape[1]
+        if known <= first and last < known + cells:
             return
-        begin = min(self._first, first - cells)
-        end = max(self._first + cells, last + cells)
-        top = np.full((LINES, end - begin), -1, dtype=np.int64)
-        top[:, self._first - begin : self._first - begin + cells] = self._top
-        self._top, self._first = top, begin
+        begin, end = min(known, first - cells), max(known + cells, last + cells)
+        wider = np.full((LINES, end - begin), -1, dtype=np.int64)
+        wider[:, known - begin : known - begin + cells] = top
+        self._map = self._map._replace(first=begin, top=wider)
 
 
 @kernel
@@ -165,18 +170,9 @@ def reach(path: FloatArray, laid: int, above: float) -> tuple[float, float]:
 
 
 @kernel
-def _lay(
-    path: FloatArray,
-    element: int,
-    cell: float,
-    first: int,
-    top: IntArray,
-    crossings: FloatArray,
-    before: IntArray,
-    count: int,
-) -> int:
+def _lay(path: FloatArray, element: int, known: _Map, count: int) -> int:
     """Write the crossings of cable with the lines; return how many there are."""
-    step = TURN / LINES
+    crossings, top, step = known.crossings, known.top, TURN / LINES
     theta, z, radius = path
     for i in range(1, theta.size):
         way = theta[i] - theta[i - 1]
@@ -193,8 +189,8 @@ def _lay(
             crossings[count, _SLOPE], crossings[count, _RISE] = slope, rise
             number = element + i - 1
             crossings[count, _ELEMENT] = number if number > 0 else -1
-            column, row = math.floor(at / cell) - first, line % LINES
-            before[count] = top[row, column]
+            column, row = math.floor(at / known.cell) - known.first, line % LINES
+            known.before[count] = top[row, column]
             top[row, column] = count
             count += 1
             line += 1
@@ -202,21 +198,14 @@ def _lay(
 
 
 @kernel
-def _lift(
-    theta: float,
-    cell: float,
-    first: int,
-    top: IntArray,
-    crossings: FloatArray,
-    before: IntArray,
-    count: int,
-) -> int:
+def _lift(theta: float, known: _Map, count: int) -> int:
     """Take off the crossings beyond a wound angle [rad]; return how many are left."""
-    step = TURN / LINES
+    crossings, step = known.crossings, TURN / LINES
     while count > 0 and crossings[count - 1, _THETA] > theta:
         count -= 1
         row = int(round(crossings[count, _THETA] / step)) % LINES  # noqa: RUF046
-        top[row, math.floor(crossings[count, _Z] / cell) - first] = before[count]
+        column = math.floor(crossings[count, _Z] / known.cell) - known.first
+        known.top[row, column] = known.before[count]
     return count
 
 
@@ -227,11 +216,7 @@ def _below(
     free: NDArray[np.bool_],
     apart: float,
     highest: float,
-    cell: float,
-    first: int,
-    top: IntArray,
-    crossings: FloatArray,
-    before: IntArray,
+    known: _Map,
     out: FloatArray,
     room: FloatArray,
 ) -> tuple[bool, float]:
@@ -240,6 +225,7 @@ def _below(
     Returns:
         whether any is near, and the way.
     """
+    cell, first, top, crossings, before = known
     step, cells, reach = TURN / LINES, top.shape[1], (1.0 + _SOUGHT) * apart
     gaps = np.zeros(MOST_BELOW)
     theta, z = path[0], path[1]

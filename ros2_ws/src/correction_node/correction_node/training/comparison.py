@@ -105,20 +105,16 @@ def learn_process(cells: Sequence[LengthCell], base: Model) -> GaussianProcess:
 
 
 @dataclass(frozen=True, kw_only=True)
-class ModelScore:
-    """How good one way of learning h is, in Table 8's measure (mean over the measured cells)."""
+class ModelScore(Score):
+    """How good one way of learning h is: errors are means over seeds, h is of the first seed.
+
+    What asks for left-out cases is NaN for an oracle.
+    """
 
     kind: str  # ``baseline``, ``learned``, or ``oracle`` (knows the answer; a floor, not a model)
     description: str  # One sentence
-    in_sample_pct: float  # Learned from all cells; mean over seeds
-    # Each cell predicted without its case; mean over seeds; NaN for an oracle.
-    leave_one_case_out_pct: float
-    worst_case_pct: float  # Largest mean of one left-out case; mean over seeds; NaN for an oracle
     in_sample_spread_pct: float  # Largest minus smallest over seeds; 0 where nothing is random
     leave_one_case_out_spread_pct: float  # The same of the left-out error; NaN for an oracle
-    in_sample: Array  # h by cell, from the first seed, shape (n,)
-    # h by cell without its case, from the first seed, shape (n,); NaN for an oracle.
-    held_out: Array
     # Conformal half-width at level 12/13, from the left-out residuals of the first seed; None for
     # an oracle.
     bound_pct: float | None = None

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -24,22 +25,17 @@ _NO_FILTER = (
 )
 
 
+@dataclass(eq=False)
 class Subscription:
-    """The subscription of a session.
+    """The subscription of a session."""
 
-    Args:
-        client: Connected when it is used.
-        server: Intervals, queue and waits.
-        nodes: What is watched.
-        timeout: After which the client gives a request up [s].
-    """
+    client: Client  # Connected when it is used
+    server: Server  # Intervals, queue and waits
+    nodes: Nodes  # What is watched
+    timeout: float  # After which the client gives a request up [s]
 
-    def __init__(self, client: Client, server: Server, nodes: Nodes, timeout: float) -> None:
+    def __post_init__(self) -> None:
         self.numbers = SequenceNumbers()  # Order of the notifications
-        self._timeout = timeout
-        self._client = client
-        self._server = server
-        self._nodes = nodes
         self._id: int | None = None
         self._acknowledgements: list[ua.SubscriptionAcknowledgement] = []
 
@@ -59,7 +55,7 @@ class Subscription:
             UaError: The server refuses it.
             ConnectionError: The connection is lost.
         """
-        server, interval = self._server, self._server.publishing_interval_s
+        server, interval = self.server, self.server.publishing_interval_s
         # Several signs of life fit into the silence after which the link counts as lost.
         keep_alive = max(1, int(server.link_timeout_s / 4.0 / interval))
         lifetime = max(3 * keep_alive, round(server.hold_s / interval))
@@ -69,11 +65,11 @@ class Subscription:
         request.Parameters.RequestedLifetimeCount = lifetime
         request.Parameters.PublishingEnabled = True
         # The library's own call would also begin to publish, and in an order of its own.
-        answer = await ask(self._client, request, ua.CreateSubscriptionResponse, self._timeout)
+        answer = await ask(self.client, request, ua.CreateSubscriptionResponse, self.timeout)
         self._id = answer.Parameters.SubscriptionId
         self.numbers.restart()
         self._acknowledgements = []
-        results = await self._monitor(range(len(self._nodes.watched)), filtered=True)
+        results = await self._monitor(range(len(self.nodes.watched)), filtered=True)
         refused = [k for k, item in enumerate(results) if item.StatusCode.value in _NO_FILTER]
         for k, result in zip(refused, await self._monitor(refused, filtered=False), strict=True):
             results[k] = result
@@ -87,13 +83,13 @@ class Subscription:
             LinkError: Nothing came for the link timeout, or the connection is lost.
             RefusedError: The server has ended the subscription.
         """
-        limit = self._server.link_timeout_s
+        limit = self.server.link_timeout_s
         while True:
             try:
                 with in_one_sentence("the subscription", limit):
                     request = ua.PublishRequest()
                     request.Parameters.SubscriptionAcknowledgements = self._acknowledgements
-                    answer = await ask(self._client, request, ua.PublishResponse, limit)
+                    answer = await ask(self.client, request, ua.PublishResponse, limit)
             except RefusedError:
                 self.forget()
                 raise
@@ -107,8 +103,8 @@ class Subscription:
     async def _fetch(self, number: int, available: list[int]) -> list[ServerValue]:
         """Return the values of a notification that was missed, none when it cannot be had."""
         if number in available:
-            with in_one_sentence("a repetition", self._timeout):
-                message = await self._client.uaclient.session.republish(self._id or 0, number)
+            with in_one_sentence("a repetition", self.timeout):
+                message = await self.client.uaclient.session.republish(self._id or 0, number)
             if message.SequenceNumber == number:
                 self.numbers.fetched += 1
                 return self._take(message)
@@ -126,7 +122,7 @@ class Subscription:
                 self.forget()
                 raise LinkError(f"the server ends the subscription: {data.Status.name}")
         return [
-            _server_value(self._nodes.watched[item.ClientHandle], item.Value)
+            _server_value(self.nodes.watched[item.ClientHandle], item.Value)
             for data in message.NotificationData
             if isinstance(data, ua.DataChangeNotification)
             for item in data.MonitoredItems
@@ -140,8 +136,8 @@ class Subscription:
         for k in items:
             parameters = ua.MonitoringParameters(
                 ClientHandle=k,
-                SamplingInterval=1000.0 * self._server.sampling_interval_s,
-                QueueSize=self._server.queue_size,
+                SamplingInterval=1000.0 * self.server.sampling_interval_s,
+                QueueSize=self.server.queue_size,
                 DiscardOldest=True,
             )
             if filtered:
@@ -150,7 +146,7 @@ class Subscription:
                     Trigger=ua.DataChangeTrigger.StatusValueTimestamp
                 )
             item = ua.ReadValueId(
-                NodeId=self._nodes[self._nodes.watched[k]], AttributeId=ua.AttributeIds.Value
+                NodeId=self.nodes[self.nodes.watched[k]], AttributeId=ua.AttributeIds.Value
             )
             requests.append(
                 ua.MonitoredItemCreateRequest(
@@ -162,7 +158,7 @@ class Subscription:
         if not requests:
             return []
         results: list[ua.MonitoredItemCreateResult]
-        results = await self._client.uaclient.session.create_monitored_items(
+        results = await self.client.uaclient.session.create_monitored_items(
             ua.CreateMonitoredItemsParameters(
                 SubscriptionId=self._id,
                 TimestampsToReturn=ua.TimestampsToReturn.Both,

@@ -152,21 +152,8 @@ def path_crosses(
     return False
 
 
-_ROOM = 4096
 _AHEAD = 0.02  # The lay goes on by so much beyond the contact line, for its direction there [rad]
 _CLOSE = 1.0e-4  # Nearer to the last point than this a line through both is undetermined [rad]
-# Beside the points and the blocks: what lies ahead of the contact line, and where that ends.
-_SPARE = 2
-
-
-class _Point(NamedTuple):
-    """A point, the number of its block, and the bounds of that block up to there."""
-
-    theta: float
-    z: float
-    block: int
-    lowest: float
-    highest: float
 
 
 class GrowingPath:
@@ -175,19 +162,13 @@ class GrowingPath:
     It belongs to one thread. Beyond its ends it is level, as a `CablePath`.
 
     Attributes:
-        table: Its points with the bounds of blocks, for the renderer; until the next change.
+        table: Its points with the bounds of blocks, for the renderer.
     """
 
     def __init__(self, *, lifted: bool = False) -> None:
         # Rows: wound angle [rad], axial position [m], lift [m].
-        self._points = np.zeros((3, _ROOM))
+        self._points = np.empty((3, 0))
         self._lifted = lifted
-        self._first = np.zeros(_ROOM, dtype=np.int64)
-        self._bounds = np.zeros((2, _ROOM))
-        self._count = 0
-        self._shape = 0, 0
-        self._start = 0.0
-        self._last: _Point | None = None
 
     def grow(
         self, kept: int, theta: FloatArray, z: FloatArray, lift: FloatArray | None = None
@@ -203,13 +184,12 @@ class GrowingPath:
         Raises:
             ValueError: There are not so many points.
         """
-        if kept != self._count:
-            self._take_back(kept)
-        first = self._count
-        for point in zip(theta.tolist(), z.tolist(), strict=True):
-            self._last = self._put(self._count, *point)
-            self._count += 1
-        self._points[2, first : self._count] = 0.0 if lift is None else lift
+        count = self._points.shape[1]
+        if not 0 <= kept <= count:
+            raise ValueError(f"a path of {count} points cannot keep {kept}")
+        if kept < count or theta.size:
+            following = np.stack([theta, z, np.zeros_like(z) if lift is None else lift])
+            self._points = np.hstack([self._points[:, :kept], following])
 
     def end(self, theta: float, z: float, slope: float, lift: float = 0.0) -> None:
         """Have it end at the contact line, in place of where it ended before.
@@ -220,18 +200,16 @@ class GrowingPath:
             slope: Rise there, dz/dtheta [m/rad].
             lift: Height above cable on the cylinder there [m].
         """
-        last = self._last
-        if last is not None and theta - last.theta > _CLOSE:
-            # One line from the last point through the contact line.
-            slope = (z - last.z) / (theta - last.theta)
-        if last is None:
+        if not self._points.size:
             self.grow(0, np.array([theta]), np.array([z]))
-            last = self._last
-        ahead = self._put(self._count, theta + _AHEAD, z + _AHEAD * slope)
-        self._points[2, self._count] = lift
-        self._last = last
-        if (self._count + 1, ahead.block + 1) != self._shape:
-            self._tabulate(self._count + 1, ahead.block + 1)
+        last_theta, last_z, _ = self._points[:, -1].tolist()
+        if theta - last_theta > _CLOSE:
+            # One line from the last point through the contact line.
+            slope = (z - last_z) / (theta - last_theta)
+        ahead = [[theta + _AHEAD], [z + _AHEAD * slope], [lift]]
+        points = np.hstack([self._points, ahead])
+        points.flags.writeable = False
+        self.table = _table(points[0], points[1], points[2] if self._lifted else points[2, :0])
 
     def height(self, theta: FloatArray) -> FloatArray:
         """Return z [m] at wound angles [rad], of their shape; nan for nan."""
@@ -242,57 +220,3 @@ class GrowingPath:
         if not self._lifted:
             return np.zeros(np.shape(theta))
         return np.asarray(np.interp(theta, self.table.theta, self.table.lift), dtype=float)
-
-    def _tabulate(self, size: int, blocks: int) -> None:
-        self._shape = size, blocks
-        self._first[blocks] = size - 1
-        points = self._points[:, :size]
-        points.flags.writeable = False
-        self.table = PathTable(
-            points[0],
-            points[1],
-            points[2] if self._lifted else points[2, :0],
-            self._first[: blocks + 1],
-            self._bounds[0, :blocks],
-            self._bounds[1, :blocks],
-        )
-
-    def _take_back(self, kept: int) -> None:
-        if not 0 <= kept <= self._count:
-            raise ValueError(f"a path of {self._count} points cannot keep {kept}")
-        self._count, self._last = kept, None
-        if kept > 0:
-            theta, z, _ = self._points[:, kept - 1].tolist()
-            block = int((theta - self._start) / BLOCK_ANGLE)
-            # Bounds of what was there before hold for less, too.
-            self._last = _Point(theta, z, block, *self._bounds[:, block].tolist())
-
-    def _put(self, index: int, theta: float, z: float) -> _Point:
-        """Write a point after the last one, and the bounds of the blocks on the way to it."""
-        last = self._last
-        if last is None:
-            self._start = theta
-            last = _Point(theta, z, -1, z, z)
-        block = int((theta - self._start) / BLOCK_ANGLE)
-        while max(index, block) + _SPARE >= self._first.size:
-            self._grow_room()
-        self._points[0, index], self._points[1, index] = theta, z
-        lowest, highest = min(last.z, z), max(last.z, z)
-        if block == last.block:
-            point = _Point(theta, z, block, min(last.lowest, lowest), max(last.highest, highest))
-        else:
-            if last.block >= 0:
-                self._bounds[0, last.block] = min(last.lowest, lowest)
-                self._bounds[1, last.block] = max(last.highest, highest)
-            for begun in range(last.block + 1, block + 1):
-                self._first[begun] = max(index - 1, 0)
-                self._bounds[:, begun] = lowest, highest
-            point = _Point(theta, z, block, lowest, highest)
-        self._bounds[0, block], self._bounds[1, block] = point.lowest, point.highest
-        return point
-
-    def _grow_room(self) -> None:
-        self._shape = 0, 0
-        self._points = np.concatenate([self._points, np.zeros_like(self._points)], axis=1)
-        self._first = np.concatenate([self._first, np.zeros_like(self._first)])
-        self._bounds = np.concatenate([self._bounds, np.zeros_like(self._bounds)], axis=1)

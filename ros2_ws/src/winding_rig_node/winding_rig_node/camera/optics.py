@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -47,18 +48,8 @@ class Lens(NamedTuple):
 
 def axes(config: CameraConfig) -> FloatArray:
     """Return the camera's x, y and z axes in the lab frame as columns, shape (3, 3)."""
-    return np.asarray(NOMINAL_AXES @ rotation(np.array(config.tilt)), dtype=float)
-
-
-def rotation(vector: FloatArray) -> FloatArray:
-    """Return the rotation matrix of a rotation vector [rad] (Rodrigues), shape (3, 3)."""
-    angle = float(np.linalg.norm(vector))
-    if angle == 0.0:
-        return np.eye(3)
-    x, y, z = vector / angle
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turn = np.eye(3) + math.sin(angle) * cross + (1.0 - math.cos(angle)) * (cross @ cross)
-    return np.asarray(turn, dtype=float)
+    turn, _ = cv2.Rodrigues(np.array(config.tilt))
+    return np.asarray(NOMINAL_AXES @ turn, dtype=float)
 
 
 def lens_of(config: CameraConfig, per_pixel: int) -> Lens:

@@ -158,12 +158,8 @@ class LaidPath:
         """Add a point behind the last one; wound angle [rad] and length [m] ascend."""
         count = self._count
         if count == self._points.shape[1]:
-            grown = np.zeros((3, 2 * count))
-            grown[:, :count] = self._points
-            self._points = grown
-        self._points[0, count] = theta
-        self._points[1, count] = z
-        self._points[2, count] = length
+            self._points = np.concatenate([self._points, np.zeros_like(self._points)], axis=1)
+        self._points[:, count] = theta, z, length
         self._count = count + 1
 
     def take_back(self, theta: float) -> None:

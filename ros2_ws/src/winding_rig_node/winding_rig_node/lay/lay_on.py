@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -92,49 +93,32 @@ class Contact(NamedTuple):
     last: float = 0.0  # Wound angle of the last point of the path that was kept [rad]
 
 
-class _Cable(NamedTuple):
-    """What does not change while a case is wound on a rig."""
-
-    rho: float  # Radius of the centre line [m]
-    axial: float  # EA [N]
-    bending: float  # EI [N m^2]
-    spacing: float  # Of the markers along the undeformed cable [m]
-    free_length: float  # Of the span [m]
-    load_share: float  # Of the pull at the guide that reaches the cylinder
-    drag: float  # Of the guide [N]
-    start_share: float  # Share of the tension at P0
-    build_up_length: float  # Wound length over which it builds up [m]
-    half_play: float  # Of the guide, to either side [m]
-    friction: float  # Share of the pull that the brake holds back, to either side
-
-
 def contact_at_start() -> Record:
     """Return a cable of which P0 stands at the contact line, fields of `Contact`, shape (1,)."""
-    return _record(Contact())
+    return _record(Contact()._asdict())
 
 
 def cable_of(case: Case, hidden: HiddenRig) -> Record:
-    """Return what does not change while a case is wound on a rig, shape (1,)."""
+    """Return what does not change while a case is wound on a rig, shape (1,).
+
+    Fields are those of `HiddenRig`, `bending` as EI [N m^2] with its factor, and `rho`, the radius
+    of the centre line [m], `axial`, EA [N], and `spacing`, of the markers along the undeformed
+    cable [m].
+    """
     return _record(
-        _Cable(
-            rho=case.centreline_radius,
-            axial=case.axial_area * case.material.young,
-            bending=hidden.bending * case.bending_stiffness,
-            spacing=case.marker_spacing,
-            free_length=hidden.free_length,
-            load_share=hidden.load_share,
-            drag=hidden.drag,
-            start_share=hidden.start_share,
-            build_up_length=hidden.build_up_length,
-            half_play=0.5 * hidden.guide_play,
-            friction=hidden.brake_friction,
-        )
+        {
+            **asdict(hidden),
+            "bending": hidden.bending * case.bending_stiffness,
+            "rho": case.centreline_radius,
+            "axial": case.axial_area * case.material.young,
+            "spacing": case.marker_spacing,
+        }
     )
 
 
-def _record(values: Contact | _Cable) -> Record:
+def _record(values: Mapping[str, float]) -> Record:
     """Return values as an array that a kernel can change, shape (1,)."""
-    return np.array([tuple(values)], dtype=[(name, "<f8") for name in values._fields])
+    return np.array([tuple(values.values())], dtype=[(name, "<f8") for name in values])
 
 
 @compiled
@@ -156,9 +140,11 @@ def lay_on(
     """
     contact, cable = contacts[0], cables[0]
     eye_before, start = contact.eye, max(contact.angle, 0.0)
-    contact.eye = min(max(eye_before, carriage - cable.half_play), carriage + cable.half_play)
+    play = 0.5 * cable.guide_play
+    contact.eye = min(max(eye_before, carriage - play), carriage + play)
     held = pull if math.isnan(contact.pull) else contact.pull
-    held = min(max(held, (1.0 - cable.friction) * pull), (1.0 + cable.friction) * pull)
+    friction = cable.brake_friction
+    held = min(max(held, (1.0 - friction) * pull), (1.0 + friction) * pull)
     contact.pull = max(held, 0.0)
     contact.angle = angle
     turned = angle - start

@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum
 from typing import Any
 
@@ -106,43 +106,38 @@ class Delivery:
     values: Values
 
 
-@dataclass(kw_only=True)
-class _ChannelState:
-    taken: int = 0
-    held: Values | None = None
-    waiting: deque[Delivery] = field(default_factory=deque)
-
-
 class FaultyChannel:
     """A signal with one fault in it."""
 
     def __init__(self, fault: Fault, rng: np.random.Generator) -> None:
         self.fault = fault
         self._rng = rng
-        self._state = _ChannelState()
+        self._taken = 0
+        self._held: Values | None = None
+        self._waiting: deque[Delivery] = deque()
 
     def deliver(self, t: float, values: Values) -> tuple[Delivery, ...]:
         """Put in the true values of time t [s]; return what comes out now, oldest first."""
-        state, kind, amount = self._state, self.fault.kind, self.fault.amount
-        state.taken += 1
+        kind, amount = self.fault.kind, self.fault.amount
+        self._taken += 1
         now = Delivery(t=t, values=values)
         if kind is FaultKind.OFF:
             return ()
         if kind is FaultKind.STUCK:
-            state.held = values.copy() if state.held is None else state.held
-            return (Delivery(t=t, values=state.held),)
+            self._held = values.copy() if self._held is None else self._held
+            return (Delivery(t=t, values=self._held),)
         if kind is FaultKind.GARBAGE:
             return (Delivery(t=t, values=self._garbage(values)),)
         if kind is FaultKind.WRONG:
             return (Delivery(t=t, values=_scaled(values, amount)),)
         if kind is FaultKind.SLOW:
-            return (now,) if (state.taken - 1) % round(amount) == 0 else ()
+            return (now,) if (self._taken - 1) % round(amount) == 0 else ()
         if kind is FaultKind.INTERMITTENT:
             return () if self._rng.random() < amount else (now,)
-        state.waiting.append(Delivery(t=t, values=values.copy()))
+        self._waiting.append(Delivery(t=t, values=values.copy()))
         due = []
-        while state.waiting and state.waiting[0].t <= t - amount + 1.0e-9:
-            due.append(state.waiting.popleft())
+        while self._waiting and self._waiting[0].t <= t - amount + 1.0e-9:
+            due.append(self._waiting.popleft())
         return tuple(due)
 
     def _garbage(self, values: Values) -> Values:

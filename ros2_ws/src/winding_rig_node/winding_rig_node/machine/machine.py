@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.machine.commands import AXES, CARRIAGE, Command
-from winding_core.machine.readings import CABLE_TENSION, AxisReading
+from winding_core.machine.readings import CABLE_TENSION, AxisReading, GuidePlace
 from winding_rig_node.machine.arm_guide import ArmGuide, ArmState
 from winding_rig_node.machine.axis import (
     AxisConfig,
     AxisState,
+    EncoderState,
+    MotorState,
     advance_axis,
     control_axis,
     modelled_speed,
@@ -199,14 +201,13 @@ class Machine:
 
     def reading(self) -> AxisReading:
         """Return the encoders' readings now."""
-        cylinder, carriage = self.state.cylinder.encoder, self.state.carriage.encoder
-        return AxisReading(
-            cylinder_angle=cylinder.position,
-            angular_speed=cylinder.speed,
-            carriage_position=carriage.position,
-            feed_speed=carriage.speed,
-            guide=None if self.state.arm is None else self.state.arm.place,
-        )
+        guide = None if self.state.arm is None else self.state.arm.place
+        return _axes(self.state.cylinder.encoder, self.state.carriage.encoder, guide)
+
+    def true_reading(self) -> AxisReading:
+        """Return where both axes truly stand now, and how fast they move."""
+        guide = None if self.state.arm is None else self.state.arm.true_place
+        return _axes(self.state.cylinder.motor, self.state.carriage.motor, guide)
 
     @property
     def arm_joints(self) -> tuple[tuple[str, ...], tuple[float, ...]]:
@@ -385,3 +386,17 @@ def axis_trial(config: MachineConfig, seed: int = 0) -> NDArray[np.float64]:
         machine.step()
         rows.append((machine.time, *machine.reading().numbers, *machine.setpoints().numbers))
     return np.array(rows)
+
+
+def _axes(
+    cylinder: EncoderState | MotorState,
+    carriage: EncoderState | MotorState,
+    guide: GuidePlace | None,
+) -> AxisReading:
+    return AxisReading(
+        cylinder_angle=cylinder.position,
+        angular_speed=cylinder.speed,
+        carriage_position=carriage.position,
+        feed_speed=carriage.speed,
+        guide=guide,
+    )

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case
-from winding_core.machine.readings import ImageWindow
+from winding_core.machine.readings import AxisReading, ImageWindow
 from winding_core.markers import DOT
 from winding_rig_node.camera.config import CameraCalibration, CameraConfig, SensorNoise
 from winding_rig_node.camera.pictures import encode_jpeg
@@ -37,13 +37,11 @@ FrameListener = Callable[[float, NDArray[np.uint8]], None]
 
 @dataclass(frozen=True, kw_only=True)
 class Exposure:
-    """One frame that the camera has to take, and where the axes stand then."""
+    """One frame that the camera has to take."""
 
     t: float  # [s]
     index: int  # Of the frame, from 0
-    cylinder_angle: float  # [rad]
-    angular_speed: float  # [rad/s]
-    guide_z: float  # [m]
+    axes: AxisReading  # Where both stand then
     # What the machine has wound by then; None for a lay that is known ahead.
     lay: LayView | None = None
 
@@ -87,7 +85,10 @@ class Camera:
         # When set, takes every frame instead of camera/image_raw.
         self.listener: FrameListener | None = None
         # The first picture compiles the renderer: before time runs, not within it.
-        self._render(Exposure(t=0.0, index=0, cylinder_angle=0.0, angular_speed=0.0, guide_z=0.0))
+        begin = AxisReading(
+            cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
+        )
+        self._render(Exposure(t=0.0, index=0, axes=begin))
 
     def recalibrate(self, info: Any) -> None:
         """Take a new calibration from a CameraInfo.
@@ -153,12 +154,13 @@ class Camera:
             self._outputs.preview(t, encode_jpeg(frame, self._wanted.preview_quality))
 
     def _render(self, exposure: Exposure) -> NDArray[np.uint8]:
-        seen = self._lay.at(exposure.guide_z, exposure.lay)
+        axes = exposure.axes
+        seen = self._lay.at(axes.carriage_position, exposure.lay)
         return self._renderer.render(
             seen.scene(
                 self._case,
-                exposure.cylinder_angle,
-                cylinder_speed=exposure.angular_speed,
+                axes.cylinder_angle,
+                cylinder_speed=axes.angular_speed,
                 cylinder_ends=self._ends,
                 flange_height=self._flange,
                 band_width=self._wanted.band_width,
@@ -174,9 +176,7 @@ def exposure_of(machine: Machine, lay: MotionLay | None) -> Exposure:
     return Exposure(
         t=machine.time,
         index=machine.state.drive_sample,
-        cylinder_angle=machine.state.cylinder.motor.position,
-        angular_speed=machine.state.cylinder.motor.speed,
-        guide_z=machine.state.carriage.motor.position,
+        axes=machine.true_reading(),
         lay=None if lay is None else lay.view(),
     )
 

@@ -118,7 +118,7 @@ def open_camera(port: Port) -> Iterator[None]:
                     for t, reading in _usable(joints, read):
                         index = round(t * SAMPLE_RATE)
                         if index % wanted.frame_period == 0:
-                            camera.take(_exposure(t, index, reading), now_ns())
+                            camera.take(Exposure(t=t, index=index, axes=reading), now_ns())
             except Exception as error:  # noqa: BLE001 - handed to the executor's thread
                 port.fail(error)
 
@@ -152,13 +152,3 @@ def _usable(joints: PolledTopic, read: JointStateReader) -> Iterator[tuple[float
     for taken in joints.take():
         with contextlib.suppress(MessageError):
             yield read(taken.data)
-
-
-def _exposure(t: float, index: int, reading: AxisReading) -> Exposure:
-    return Exposure(
-        t=t,
-        index=index,
-        cylinder_angle=reading.cylinder_angle,
-        angular_speed=reading.angular_speed,
-        guide_z=reading.carriage_position,
-    )

@@ -18,6 +18,7 @@ from winding_rig_node.ros.camera import CAMERA_SIGNAL
 from winding_rig_node.ros.machine_loop import MachineLoop
 from winding_ros import graph, topics
 from winding_ros.messages.serialised import MessageError
+from winding_ros.runtime.endpoints import contestants
 from winding_ros.runtime.managed_node import ManagedNode
 from winding_ros.topic import Topic
 
@@ -53,10 +54,7 @@ def _refuse(reason: str, machine: Machine) -> None:
 
 
 def _refuse_rivals(node: ManagedNode[Any], topic: Topic) -> None:
-    if node.count_publishers(topic.name) < 2:
-        return
-    found = node.get_publishers_info_by_topic(node.resolve_topic_name(topic.name))
-    names = sorted({item.node_name for item in found})
+    names = sorted({name for _, name in contestants(node, topic.name)})
     # A commander that was started again has the name of its predecessor, which lingers.
     if len(names) > 1:
         raise MessageError(f"one commander at a time, got {len(names)}: {', '.join(names)}")

@@ -4,6 +4,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
+from dataclasses import KW_ONLY, dataclass
 
 from winding_core.machine.watch_clock import WatchClock
 from winding_rig_node.lay.lay_law import MotionLay
@@ -25,48 +26,27 @@ _BURST = 5
 _ROUNDING = 1.0e-6  # Stamps come back as seconds in binary: a microsecond decides nothing at 1 kHz
 
 
+@dataclass(eq=False)
 class MachineLoop:
     """Advances the machine as fast as the clock, the paced topics and the camera allow.
 
     Every method may be called from any thread.
     """
 
-    def __init__(
-        self,
-        wanted: RigParameters,
-        machine: Machine,
-        pace: Pace,
-        outputs: Outputs,
-        camera: Camera | None,
-        lay: MotionLay | None,
-        *,
-        finished: Callable[[], None],
-        warn: Callable[[str], None],
-        fail: Callable[[Exception], None],
-    ) -> None:
-        """Prepare the loop; `begin` starts it.
+    wanted: RigParameters  # Speed of simulated time, patience with its readers and the supervisor
+    machine: Machine  # What is advanced
+    pace: Pace  # What the readers have answered
+    outputs: Outputs  # Publishers
+    camera: Camera | None  # Takes its pictures in a second thread; None for a camera elsewhere
+    lay: MotionLay | None  # What the machine winds; None for a lay that is known ahead
+    _: KW_ONLY
+    # Called, from the machine's thread, when a run has reached its end
+    finished: Callable[[], None]
+    warn: Callable[[str], None]  # Receives the sentence of a stop that was not requested
+    fail: Callable[[Exception], None]  # Receives what ended a thread
 
-        Args:
-            wanted: Speed of simulated time, patience with its readers and the supervisor.
-            machine: What is advanced.
-            pace: What the readers have answered.
-            outputs: Publishers.
-            camera: Takes its pictures in a second thread; None for a camera elsewhere.
-            lay: What the machine winds; None for a lay that is known ahead.
-            finished: Called, from the machine's thread, when a run has reached its end.
-            warn: Receives the sentence of a stop that was not requested.
-            fail: Receives what ended a thread.
-        """
-        self.machine = machine  # What is advanced
-        self.pace = pace  # What the readers of its data have answered
-        self._wanted = wanted
-        self._outputs = outputs
-        self._camera = camera
-        self._lay = lay
-        self._finished = finished
-        self._warn = warn
-        self._fail = fail
-        self._frame_period = wanted.frame_period
+    def __post_init__(self) -> None:
+        self._frame_period = self.wanted.frame_period
         self._changed = threading.Condition()
         self._threads: list[threading.Thread] = []
         self._quit = False
@@ -82,11 +62,11 @@ class MachineLoop:
     def begin(self) -> None:
         """Start the threads; time waits for the machine to be started."""
         self._quit = False
-        if self._lay is not None:
+        if self.lay is not None:
             # What was exposed last before a halt may not have reached the camera.
-            self._lay.renew_view()
+            self.lay.renew_view()
         self._threads = [threading.Thread(target=self._guard(self._run), name="machine")]
-        camera = self._camera
+        camera = self.camera
         if camera is not None:
             take = self._guard(lambda: camera.run(self._going))
             self._threads.append(threading.Thread(target=take, name="camera"))
@@ -124,8 +104,8 @@ class MachineLoop:
     def reset(self, machine: Machine) -> None:
         """Go back to the start of a run, with a bare cylinder; for `command`."""
         machine.reset()
-        if self._lay is not None:
-            self._lay.restart()
+        if self.lay is not None:
+            self.lay.restart()
 
     def answer(self, topic: str, t: float) -> None:
         """Note that the publisher of a paced topic has dealt with everything up to t [s]."""
@@ -142,7 +122,7 @@ class MachineLoop:
         if self.machine.state.phase is not Phase.WINDING:
             return
         self.command(lambda machine: machine.quick_stop(reason))
-        self._warn(f"stopped both axes: {reason}")
+        self.warn(f"stopped both axes: {reason}")
 
     def come_to_rest(self) -> None:
         """Stop both axes, and wait until they stand."""
@@ -164,7 +144,7 @@ class MachineLoop:
                 work()
             except Exception as error:  # noqa: BLE001 - handed to the executor's thread
                 self._failed = True
-                self._fail(error)
+                self.fail(error)
 
         return run
 
@@ -190,25 +170,24 @@ class MachineLoop:
                 known, remarked = machine.state.reason, machine.remark
                 self._step()
             if machine.state.reason != known:
-                self._warn(f"stopped both axes: {machine.state.reason}")
+                self.warn(f"stopped both axes: {machine.state.reason}")
             # Numbers in a remark change from step to step: it is logged when it begins.
             if machine.remark and not remarked:
-                self._warn(machine.remark)
+                self.warn(machine.remark)
             self._emit()
             if machine.state.phase is Phase.FINISHED:
-                self._finished()
+                self.finished()
 
     def _step(self) -> None:
         """Move the machine on by a sample, and the cable with it."""
         self.machine.step()
-        if self._lay is not None:
-            state = self.machine.state
-            angle, carriage = state.cylinder.motor.position, state.carriage.motor.position
-            guide = None if state.arm is None else state.arm.true_place
-            self._lay.advance(angle, carriage, self.machine.pull, guide)
+        if self.lay is not None:
+            axes = self.machine.true_reading()
+            pull = self.machine.pull
+            self.lay.advance(axes.cylinder_angle, axes.carriage_position, pull, axes.guide)
 
     def _check_supervisor(self) -> None:
-        limit = self._wanted.supervisor_timeout
+        limit = self.wanted.supervisor_timeout
         silence = self._watch.look(time.monotonic()) - self._supervisor_heard
         if limit > 0.0 and silence > limit:
             self.stop_quickly(f"no sign of life of the orchestrator for {limit:g} s")
@@ -224,16 +203,16 @@ class MachineLoop:
                 self._check_supervisor()
                 if self._changed.wait(_POLL):
                     last_answer = time.monotonic()
-                elif time.monotonic() - last_answer > self._wanted.pace_timeout:
+                elif time.monotonic() - last_answer > self.wanted.pace_timeout:
                     raise TimeoutError(
-                        f"no answer on {self.pace.slowest} for {self._wanted.pace_timeout:g} s at "
+                        f"no answer on {self.pace.slowest} for {self.wanted.pace_timeout:g} s at "
                         f"{self.machine.time:.3f} s of simulated time"
                     )
         return not self._quit
 
     def _wait_for_deadline(self, deadline: float) -> float:
         """Sleep until the next burst is due; return the deadline of the next sample."""
-        speed = self._wanted.speed
+        speed = self.wanted.speed
         if speed == 0.0:
             return deadline
         if self.machine.state.drive_sample % _BURST == 0:
@@ -241,7 +220,7 @@ class MachineLoop:
         return deadline + 1.0 / (SAMPLE_RATE * speed)
 
     def _emit(self) -> None:
-        self._outputs.sample(self.machine)
-        if self._camera is None or self.machine.state.drive_sample % self._frame_period:
+        self.outputs.sample(self.machine)
+        if self.camera is None or self.machine.state.drive_sample % self._frame_period:
             return
-        self._camera.expose(exposure_of(self.machine, self._lay), self._going)
+        self.camera.expose(exposure_of(self.machine, self.lay), self._going)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping, Sequence
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -82,33 +83,24 @@ _SERVICES = {
 }
 
 
+@dataclass(eq=False)
 class LifecycleDriver:
-    """Lifecycle and parameters of a graph's nodes, as a program outside their processes sets them.
+    """Lifecycle and parameters of a graph's nodes, as set from outside their processes."""
 
-    Args:
-        calls: Calls the nodes' services.
-        namespace: Of the graph.
-        reason: Returns why a node refused a transition just now.
-        work: Returns what changes while a node works; None where that is not known.
-    """
+    calls: ServiceCaller  # Calls the nodes' services
+    namespace: str  # Of the graph
+    reason: Callable[[str], Awaitable[str]]  # Returns why a node refused a transition just now
+    # Returns what changes while a node works; None where that is not known
+    work: Callable[[str], object] = lambda node: None
 
-    def __init__(
-        self,
-        calls: ServiceCaller,
-        namespace: str,
-        reason: Callable[[str], Awaitable[str]],
-        work: Callable[[str], object] = lambda node: None,
-    ) -> None:
-        self._calls = calls
-        self._namespace = f"/{namespace.strip('/')}".rstrip("/")
-        self._reason = reason
-        self._work = work
+    def __post_init__(self) -> None:
+        self._namespace = f"/{self.namespace.strip('/')}".rstrip("/")
 
     def unserved(self, nodes: Iterable[str]) -> str:
         """Return which node cannot be driven now, as a sentence; empty when all can."""
         for node in nodes:
             for service, type_ in _SERVICES.items():
-                if not self._calls.ready(type_, self._name(node, service)):
+                if not self.calls.ready(type_, self._name(node, service)):
                     return f"{node} does not serve {service} in {self._namespace or '/'}"
         return ""
 
@@ -119,7 +111,7 @@ class LifecycleDriver:
             TimeoutError: It neither answers nor works for START_TIMEOUT.
         """
         late = f"{node} has not answered since it was started {START_TIMEOUT:g} s ago"
-        async with deadline(START_TIMEOUT, late, partial(self._work, node)):
+        async with deadline(START_TIMEOUT, late, partial(self.work, node)):
             return await self.state(node, None)
 
     async def state(self, node: str, timeout: float | None = _ANSWER_TIMEOUT) -> State:
@@ -142,7 +134,7 @@ class LifecycleDriver:
             TimeoutError: It is not there, and has neither answered nor worked for timeout [s].
         """
         late = f"{node} does not {_VERBS[transition]}: no answer and no work in {timeout:g} s"
-        async with deadline(timeout, late, partial(self._work, node)):
+        async with deadline(timeout, late, partial(self.work, node)):
             while True:
                 response = await self.request(node, transition, ANSWER_PATIENCE)
                 if response is None:
@@ -151,12 +143,12 @@ class LifecycleDriver:
                 elif response.success:
                     return
                 else:
-                    raise GraphError(f"{node}: {await self._reason(node)}")
+                    raise GraphError(f"{node}: {await self.reason(node)}")
 
     async def request(self, node: str, transition: int, timeout: float) -> Any | None:
         """Ask for a transition once; return the response, None without one in timeout [s]."""
         request = ChangeState.Request(transition=Transition(id=transition))
-        return await self._calls.try_call(
+        return await self.calls.try_call(
             ChangeState, self._name(node, "change_state"), request, timeout
         )
 
@@ -240,6 +232,6 @@ class LifecycleDriver:
         return f"{self._namespace}/{node}/{service}"
 
     async def _call(self, node: str, service: str, request: Any, timeout: float | None) -> Any:
-        return await self._calls.call(
+        return await self.calls.call(
             _SERVICES[service], self._name(node, service), request, timeout
         )

@@ -91,32 +91,29 @@ def decode_joint_sample(message: JointState, axes: MachineAxes) -> JointSample:
     Raises:
         MessageError: A joint is missing or a number is not finite.
     """
-    names = list(message.name)
+    velocity = message.velocity
     try:
-        cylinder, carriage = names.index(axes.cylinder_joint), names.index(axes.carriage_joint)
-        positions = (message.position[cylinder], message.position[carriage])
+        places = _places(list(message.name), (axes.cylinder_joint, axes.carriage_joint))
+        cylinder, carriage, *across = (float(message.position[place]) for place in places)
     except (ValueError, IndexError):
         raise MessageError(_incomplete(message, axes, "position")) from None
-    velocity = message.velocity
-    speeds = tuple(
-        velocity[joint] if joint < len(velocity) else math.nan for joint in (cylinder, carriage)
+    fast, slow = (velocity[k] if k < len(velocity) else math.nan for k in places[:2])
+    return _finite(
+        JointSample(
+            t=decode_stamp(message.header.stamp),
+            cylinder=cylinder,
+            carriage=carriage,
+            cylinder_speed=fast,
+            carriage_speed=slow,
+            guide=GuidePlace(x=across[0], y=across[1]) if across else None,
+        )
     )
-    guide = None
-    if set(GUIDE_JOINTS) <= set(names):
-        try:
-            x, y = (float(message.position[names.index(joint)]) for joint in GUIDE_JOINTS)
-        except IndexError:
-            raise MessageError(_incomplete(message, axes, "position")) from None
-        guide = GuidePlace(x=x, y=y)
-    _check_finite(*positions, *speeds, guide=guide)
-    return JointSample(
-        t=decode_stamp(message.header.stamp),
-        cylinder=positions[0],
-        carriage=positions[1],
-        cylinder_speed=speeds[0],
-        carriage_speed=speeds[1],
-        guide=guide,
-    )
+
+
+def _places(names: list[str], joints: tuple[str, str]) -> list[int]:
+    """Return the places of two joints among names, and those of the guide's if there are any."""
+    guide = GUIDE_JOINTS if set(GUIDE_JOINTS) <= set(names) else ()
+    return [names.index(joint) for joint in (*joints, *guide)]
 
 
 class JointStateReader:
@@ -152,27 +149,19 @@ class JointStateReader:
             except CdrError:
                 self._layout = None
             return sample
-        t, cylinder, carriage, fast, slow = layout.numbers(data)
-        guide = layout.guide_place(data)
-        _check_finite(cylinder, carriage, fast, slow, guide=guide)
-        return JointSample(
-            t=t,
-            cylinder=cylinder,
-            carriage=carriage,
-            cylinder_speed=fast,
-            carriage_speed=slow,
-            guide=guide,
-        )
+        return _finite(layout.sample(data))
 
 
-def _check_finite(
-    cylinder: float, carriage: float, *speeds: float, guide: GuidePlace | None
-) -> None:
+def _finite(sample: JointSample) -> JointSample:
+    positions = (sample.cylinder, sample.carriage)
+    speeds = (sample.cylinder_speed, sample.carriage_speed)
     # A velocity that is not a number is one that the driver does not measure.
-    if not (math.isfinite(cylinder) and math.isfinite(carriage)) or any(map(math.isinf, speeds)):
-        raise MessageError(f"joint state must be finite, got {(cylinder, carriage, *speeds)}")
+    if not all(map(math.isfinite, positions)) or any(map(math.isinf, speeds)):
+        raise MessageError(f"joint state must be finite, got {(*positions, *speeds)}")
+    guide = sample.guide
     if guide is not None and not (math.isfinite(guide.x) and math.isfinite(guide.y)):
         raise MessageError(f"the guide's place must be finite, got ({guide.x}, {guide.y}) m")
+    return sample
 
 
 def _incomplete(message: JointState, axes: MachineAxes, wanted: str) -> str:
@@ -293,47 +282,35 @@ class JointStateLayout:
         count = reader.skip(4, 0)
         second, velocities = reader.doubles()
         spans.append((count, count + 4))
-        places = tuple(names.index(joint) for joint in joints)
+        places = _places(names, joints)
         if max(places) >= positions:
             raise ValueError(f"{positions} positions of {len(names)} joints")
-        cylinder, carriage = places
-        guide = None
-        if set(GUIDE_JOINTS) <= set(names):
-            x, y = (first + 8 * names.index(joint) for joint in GUIDE_JOINTS)
-            if max(x, y) >= first + 8 * positions:
-                raise ValueError(f"{positions} positions of {len(names)} joints")
-            guide = (x, y)
+        cylinder, carriage, *across = (first + 8 * place for place in places)
+        fast, slow = (second + 8 * k if k < velocities else None for k in places[:2])
         return cls(
             size=len(data),
             fixed=tuple((slice(begin, end), data[begin:end]) for begin, end in spans),
-            positions=(first + 8 * cylinder, first + 8 * carriage),
-            velocities=(
-                second + 8 * cylinder if cylinder < velocities else None,
-                second + 8 * carriage if carriage < velocities else None,
-            ),
-            guide=guide,
+            positions=(cylinder, carriage),
+            velocities=(fast, slow),
+            guide=(across[0], across[1]) if across else None,
         )
 
     def fits(self, data: bytes) -> bool:
         """Return whether a message has this layout."""
         return len(data) == self.size and all(data[where] == what for where, what in self.fixed)
 
-    def guide_place(self, data: bytes) -> GuidePlace | None:
-        """Return where the guide stands across the axis by a message; None without."""
-        if self.guide is None:
-            return None
-        x, y = (float(_DOUBLE.unpack_from(data, place)[0]) for place in self.guide)
-        return GuidePlace(x=x, y=y)
-
-    def numbers(self, data: bytes) -> tuple[float, float, float, float, float]:
-        """Return stamp [s], both positions and both velocities; nan for a velocity not measured."""
+    def sample(self, data: bytes) -> JointSample:
+        """Return both joints and the guide's place by a message of this layout."""
         at = _DOUBLE.unpack_from
-        one, other = self.positions
-        fast, slow = self.velocities
-        return (
-            serialised_stamp(data),
-            at(data, one)[0],
-            at(data, other)[0],
-            float("nan") if fast is None else at(data, fast)[0],
-            float("nan") if slow is None else at(data, slow)[0],
+        (cylinder, carriage), (fast, slow), guide = self.positions, self.velocities, self.guide
+        place = None
+        if guide is not None:
+            place = GuidePlace(x=at(data, guide[0])[0], y=at(data, guide[1])[0])
+        return JointSample(
+            t=serialised_stamp(data),
+            cylinder=at(data, cylinder)[0],
+            carriage=at(data, carriage)[0],
+            cylinder_speed=math.nan if fast is None else at(data, fast)[0],
+            carriage_speed=math.nan if slow is None else at(data, slow)[0],
+            guide=place,
         )

@@ -10,7 +10,7 @@ from cable_fem_node.dynamics.state import FloatArray
 from cable_fem_node.identification.fit import Fit, fit
 from cable_fem_node.identification.modulus import PLAUSIBLE_YOUNG
 from cable_fem_node.identification.quasi_static import softest_young
-from cable_fem_node.identification.search import FitConfig
+from cable_fem_node.identification.search import FitConfig, Search
 from cable_fem_node.identification.tracked_run import IdentificationError, TrackedRun
 from winding_core.cable.material_law import MaterialLaw
 
@@ -102,17 +102,12 @@ def identify_constants(
     if low >= high:
         raise IdentificationError(f"no {law} up to {PLAUSIBLE_YOUNG[1] / 1e6:g} MPa carries it")
     start = math.log(per_young * runs[0].config.case.material.young)
-    found = fit(
-        runs,
-        family,
-        np.array([start, _START_SHARE] if two else [start]),
-        (
-            np.array([low, _SHARES[0]] if two else [low]),
-            np.array([high, _SHARES[1]] if two else [high]),
-        ),
-        config,
-        going,
+    bounds = (
+        np.array([low, _SHARES[0]] if two else [low]),
+        np.array([high, _SHARES[1]] if two else [high]),
     )
+    search = Search(runs, family, bounds, config or FitConfig(), going)
+    found = fit(search, np.array([start, _START_SHARE] if two else [start]))
     total = math.exp(float(found.parameters[0]))
     share = float(found.parameters[1]) if two else 0.0
     # Derivatives of (C10, C01) with respect to (ln total, share).

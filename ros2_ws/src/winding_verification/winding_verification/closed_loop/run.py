@@ -129,34 +129,25 @@ class CameraErrors:
     common_z: float = 3.0e-5  # What all places of a run have in common [m]
 
 
+@dataclass(eq=False)
 class SimulatedTracker:
-    """Sees a lay with errors drawn at random, the same ones each time it looks at a place.
+    """Sees a lay with errors drawn at random, the same ones each time it looks at a place."""
 
-    Args:
-        truth: The cable.
-        errors: How wrong it is.
-        rng: Of the errors.
-        highest: How far above the bare cylinder it still sees cable [m].
-    """
+    truth: DrivenLay | RodTruth  # The cable
+    errors: CameraErrors  # How wrong it is
+    rng: np.random.Generator  # Of the errors
+    highest: float = math.inf  # How far above the bare cylinder it still sees cable [m]
 
-    def __init__(
-        self,
-        truth: DrivenLay | RodTruth,
-        errors: CameraErrors,
-        rng: np.random.Generator,
-        highest: float = math.inf,
-    ) -> None:
-        self._highest = highest
-        self._truth, self._errors, self._rng = truth, errors, rng
-        self._common = errors.common_z * rng.standard_normal()
+    def __post_init__(self) -> None:
+        self._common = self.errors.common_z * self.rng.standard_normal()
         self._of_markers: dict[int, tuple[float, float]] = {}
-        self._of_places = errors.lay_z * rng.standard_normal(_PLACES)
+        self._of_places = self.errors.lay_z * self.rng.standard_normal(_PLACES)
 
     def markers(self, theta: float) -> Markers:
         """Return the records of one frame with the cylinder at a wound angle [rad]."""
-        errors, rng = self._errors, self._rng
+        errors, rng = self.errors, self.rng
         near, far = _MARKER_SEEN
-        at = self._truth.marker_theta[1:]
+        at = self.truth.marker_theta[1:]
         seen = [n for n in range(at.size) if near < theta - at[n] < far]
         records = np.zeros(len(seen), dtype=MARKER_DTYPE)
         for record, n in zip(records, seen, strict=True):
@@ -168,7 +159,7 @@ class SimulatedTracker:
             record["id"] = n + 1
             record["theta"] = at[n] + angle + errors.frame_theta * frame[0]
             record["z"] = (
-                float(self._truth.z_at(at[n])) + self._common + height + errors.frame_z * frame[1]
+                float(self.truth.z_at(at[n])) + self._common + height + errors.frame_z * frame[1]
             )
             record["sigma_theta"], record["sigma_z"] = errors.frame_theta, errors.frame_z
         return records
@@ -180,14 +171,14 @@ class SimulatedTracker:
         records = np.zeros(numbers.size, dtype=LAY_DTYPE)
         records["theta"] = numbers * _PLACE
         own = self._of_places[numbers % _PLACES]
-        records["z"] = self._truth.z_at(records["theta"]) + self._common + own
-        records["sigma_z"] = self._errors.lay_z
-        if isinstance(self._truth, DrivenLay):
-            laid = self._truth.truth(self._truth.wound_angle)
+        records["z"] = self.truth.z_at(records["theta"]) + self._common + own
+        records["sigma_z"] = self.errors.lay_z
+        if isinstance(self.truth, DrivenLay):
+            laid = self.truth.truth(self.truth.wound_angle)
             if laid.radius.size:
-                on_bare = self._truth.case.centreline_radius
+                on_bare = self.truth.case.centreline_radius
                 records["lift"] = np.interp(records["theta"], laid.theta, laid.radius) - on_bare
-        known = np.isfinite(records["z"]) & (records["lift"] <= self._highest)
+        known = np.isfinite(records["z"]) & (records["lift"] <= self.highest)
         seen: LayRecords = records[known]
         return seen
 
@@ -270,20 +261,13 @@ def wind(run: ClosedRun) -> ClosedResult:
     while machine.reading().cylinder_angle < run.end and machine.moving:
         machine.step()
         sample += 1
-        state = machine.state
         reading = machine.reading()
-        motor = state.cylinder.motor
-        eye = state.carriage.motor.position + run.displaced(motor.position)
+        true = machine.true_reading()
+        eye = true.carriage_position + run.displaced(true.cylinder_angle)
         if isinstance(truth, DrivenLay):
-            truth.advance(motor.position, eye, machine.pull)
+            truth.advance(true.cylinder_angle, eye, machine.pull)
         else:
-            true = AxisReading(
-                cylinder_angle=motor.position,
-                angular_speed=motor.speed,
-                carriage_position=eye,
-                feed_speed=state.carriage.motor.speed,
-            )
-            truth.advance(machine.time, true, machine.pull)
+            truth.advance(machine.time, replace(true, carriage_position=eye), machine.pull)
         if sample % _FRAMES == 0:
             controller.take_markers(tracker.markers(reading.cylinder_angle))
         if sample % _LAYS == 0:

@@ -44,19 +44,24 @@ class RodEnds(NamedTuple):
 
 
 class RodScratch(NamedTuple):
-    """Frames (state) and scratch; element columns of frames are shifted by one."""
+    """Frames (state) and scratch; element columns of frames are shifted by one.
 
-    director: FloatArray  # (3, elements + 2)
+    Column 0 is the wall before node 0 (its clamp), column i + 1 the element from node i on, the
+    last column the wall behind the last node. A wall's inverse length is zero, so that no force
+    acts on it.
+    """
+
+    director: FloatArray  # (3, elements + 2) reference directors
     carried: FloatArray  # (3, elements + 2) tangents the directors belong to
-    angle: FloatArray  # (elements + 2,) theta
-    spin: FloatArray  # (elements + 2,) its rate
-    own_twist: FloatArray  # (nodes,)
-    curvature: FloatArray  # (3, nodes)
+    angle: FloatArray  # (elements + 2,) material angles theta [rad]
+    spin: FloatArray  # (elements + 2,) their rates [rad/s]
+    own_twist: FloatArray  # (nodes,) twist of the reference frames [rad]
+    curvature: FloatArray  # (3, nodes) integrated curvatures and twist at the last call
     work: Work
-    walled: FloatArray  # (3, elements + 2)
-    walled_inverse: FloatArray
-    walled_force: FloatArray
-    torque: FloatArray
+    walled: FloatArray  # (3, elements + 2) tangents
+    walled_inverse: FloatArray  # (elements + 2,) inverse lengths [1/m]
+    walled_force: FloatArray  # (3, elements + 2) what each element passes on [N]
+    torque: FloatArray  # (elements + 2,) on the material angles [N m]
 
 
 @kernel
@@ -94,13 +99,12 @@ def rod_forces(
         s.walled_inverse[elements + 1] = 0.0
         s.walled_force[:] = 0.0
         s.torque[:] = 0.0
-        carry_frames(elements + 2, s.walled, s.carried, s.director)
-        reference_twist(elements, s.walled, s.director, s.own_twist)
+        carry_frames(elements + 2, s)
+        reference_twist(elements, s)
+        begin = 0 if ends.clamped[0] > 0.0 else 1
         energy, lost = frame_forces(
-            0 if ends.clamped[0] > 0.0 else 1, nodes if ends.clamped[1] > 0.0 else elements,
-            s.walled, s.walled_inverse, s.director, s.angle, s.own_twist, mesh.voronoi,
-            mesh.natural, mesh.bending, mesh.torsion, lag, s.walled_force, s.torque, s.curvature,
-        )  # fmt: skip
+            begin, nodes if ends.clamped[1] > 0.0 else elements, lag, mesh, s
+        )
         w.force[:, :elements] += s.walled_force[:, 1 : elements + 1]
     else:
         bend_nodes(elements, mesh.reference, mesh.bending, w)
@@ -112,19 +116,29 @@ def rod_forces(
         element_force(elements, ends.first, ends.last, w)
     # An end moment is a couple of forces on its element: m x t / length on the outer node.
     for side in range(2):
-        e = 0 if side == 0 else elements - 1
-        mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
-        tx, ty, tz = w.tangent[0, e], w.tangent[1, e], w.tangent[2, e]
+        e, across_x, across_y, across_z, along = end_moment(side, elements, ends, w)
         inv = w.inverse[e] * load_factor
-        w.force[0, e] -= inv * (my * tz - mz * ty)
-        w.force[1, e] -= inv * (mz * tx - mx * tz)
-        w.force[2, e] -= inv * (mx * ty - my * tx)
+        w.force[0, e] -= inv * across_x
+        w.force[1, e] -= inv * across_y
+        w.force[2, e] -= inv * across_z
         if mesh.framed:
-            s.torque[e + 1] += load_factor * (mx * tx + my * ty + mz * tz)
+            s.torque[e + 1] += load_factor * along
     w.net[:, 0] = w.force[:, 0]
     w.net[:, 1:elements] = w.force[:, 1:elements] - w.force[:, : elements - 1]
     w.net[:, elements] = -w.force[:, elements - 1]
     return energy, lost
+
+
+@called
+def end_moment(
+    side: int, elements: int, ends: RodEnds, w: Work
+) -> tuple[int, float, float, float, float]:
+    """Return an end's element, and of its moment m [N m] there m x t and m . t."""
+    e = 0 if side == 0 else elements - 1
+    mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
+    tx, ty, tz = w.tangent[0, e], w.tangent[1, e], w.tangent[2, e]
+    along = mx * tx + my * ty + mz * tz
+    return e, my * tz - mz * ty, mz * tx - mx * tz, mx * ty - my * tx, along
 
 
 @kernel
@@ -160,15 +174,13 @@ def advance_rod(
         ledger[LOSS_DAMPING] += lost
         kinetic = move(dt, kick, points, work.net, work.couple, around, factor, touch, ledger)
         for side in range(2):
-            e = 0 if side == 0 else elements - 1
-            mx, my, mz = ends.moment[0, side], ends.moment[1, side], ends.moment[2, side]
-            tx, ty, tz = work.tangent[0, e], work.tangent[1, e], work.tangent[2, e]
+            e, across_x, across_y, across_z, _ = end_moment(side, elements, ends, work)
             inv = factor * work.inverse[e] * dt
             v = points.velocity
             ledger[WORK_SPAN] += inv * (
-                (my * tz - mz * ty) * (v[0, e + 1] - v[0, e])
-                + (mz * tx - mx * tz) * (v[1, e + 1] - v[1, e])
-                + (mx * ty - my * tx) * (v[2, e + 1] - v[2, e])
+                across_x * (v[0, e + 1] - v[0, e])
+                + across_y * (v[1, e + 1] - v[1, e])
+                + across_z * (v[2, e + 1] - v[2, e])
             )
         if mesh.framed:
             half = 0.5 * around.damping_rate * dt
@@ -213,12 +225,11 @@ def transport(
 
 
 @called
-def carry_frames(
-    elements: int, tangent: FloatArray, carried: FloatArray, director: FloatArray
-) -> None:
-    """Bring the reference directors (3, elements) from the carried tangents to the new ones."""
+def carry_frames(columns: int, s: RodScratch) -> None:
+    """Bring the reference directors from the carried tangents to the new ones."""
+    tangent, carried, director = s.walled, s.carried, s.director
     v = np.empty(3)
-    for i in range(elements):
+    for i in range(columns):
         v[0], v[1], v[2] = director[0, i], director[1, i], director[2, i]
         transport(
             carried[0, i], carried[1, i], carried[2, i],
@@ -234,10 +245,9 @@ def carry_frames(
 
 
 @called
-def reference_twist(
-    elements: int, tangent: FloatArray, director: FloatArray, twist: FloatArray
-) -> None:
-    """Update the reference frames' own twist (nodes,) [rad], without jumps of whole turns."""
+def reference_twist(elements: int, s: RodScratch) -> None:
+    """Update the reference frames' own twist, without jumps of whole turns."""
+    tangent, director, twist = s.walled, s.director, s.own_twist
     v = np.empty(3)
     for i in range(elements + 1):
         v[0], v[1], v[2] = director[0, i], director[1, i], director[2, i]
@@ -256,46 +266,22 @@ def reference_twist(
 
 @called
 def frame_forces(
-    begin: int,
-    end: int,
-    tangent: FloatArray,
-    inverse: FloatArray,
-    director: FloatArray,
-    angle: FloatArray,
-    own_twist: FloatArray,
-    length: FloatArray,
-    natural: FloatArray,
-    bending: float,
-    torsion: float,
-    lag: float,
-    force: FloatArray,
-    torque: FloatArray,
-    curvature: FloatArray,
+    begin: int, end: int, lag: float, mesh: RodMesh, scratch: RodScratch
 ) -> tuple[float, float]:
     """Add bending and twisting forces; return their stored energy and what was lost [J].
-
-    Element columns are shifted by one: column 0 is the wall before node 0 (its clamp), column
-    i + 1 the element from node i on, the last column the wall behind the last node. A wall's
-    inverse length is zero, so that no force acts on it.
 
     Args:
         begin: First node that bends: 0 if the start is clamped, else 1.
         end: One past the last.
-        tangent: (3, elements + 2).
-        inverse: Inverse lengths (elements + 2,) [1/m].
-        director: Reference directors (3, elements + 2).
-        angle: Material angles theta (elements + 2,) [rad].
-        own_twist: Twist of the reference frames (nodes,) [rad].
-        length: Voronoi lengths of the nodes (nodes,) [m].
-        natural: Integrated natural curvatures and twist (3, nodes).
-        bending: EI [N m^2].
-        torsion: GJ [N m^2].
         lag: Viscosity [s] over the step [s]: what bending moments take of a change
             of curvature since the last call.
-        force: What each element passes on (3, elements + 2) [N], added to.
-        torque: On the material angles (elements + 2,) [N m], added to.
-        curvature: Integrated curvatures and twist (3, nodes) at the last call, filled anew.
+        mesh: What the rod is made of.
+        scratch: Frames carried to the present tangents; `walled_force` and `torque` are added to,
+            `curvature` is filled anew.
     """
+    tangent, director, angle = scratch.walled, scratch.director, scratch.angle
+    natural, bending, torsion = mesh.natural, mesh.bending, mesh.torsion
+    force, torque, curvature = scratch.walled_force, scratch.torque, scratch.curvature
     energy = 0.0
     lost = 0.0
     m = np.empty((3, 2))
@@ -320,10 +306,10 @@ def frame_forces(
         mx, my, mz = m[0, 0] + m[0, 1], m[1, 0] + m[1, 1], m[2, 0] + m[2, 1]
         k1 = 0.5 * (kx * nx + ky * ny + kz * nz)
         k2 = -0.5 * (kx * mx + ky * my + kz * mz)
-        turn = angle[b] - angle[a] + own_twist[i]
+        turn = angle[b] - angle[a] + scratch.own_twist[i]
         r1, r2 = k1 - curvature[0, i], k2 - curvature[1, i]
         curvature[0, i], curvature[1, i], curvature[2, i] = k1, k2, turn
-        per = 1.0 / length[i]
+        per = 1.0 / mesh.voronoi[i]
         d1, d2, dt = k1 - natural[0, i], k2 - natural[1, i], turn - natural[2, i]
         energy += 0.5 * per * (bending * (d1 * d1 + d2 * d2) + torsion * dt * dt)
         lost += lag * per * bending * (r1 * r1 + r2 * r2)
@@ -335,7 +321,7 @@ def frame_forces(
         wy = chi * (g1 * ny - g2 * my)
         wz = chi * (g1 * nz - g2 * mz)
         both = g1 * k1 + g2 * k2
-        ia, ib = inverse[a], inverse[b]
+        ia, ib = scratch.walled_inverse[a], scratch.walled_inverse[b]
         force[0, a] += ia * (-both * sx + qy * wz - qz * wy + 0.5 * gt * kx)
         force[1, a] += ia * (-both * sy + qz * wx - qx * wz + 0.5 * gt * ky)
         force[2, a] += ia * (-both * sz + qx * wy - qy * wx + 0.5 * gt * kz)

@@ -6,6 +6,7 @@ constants as in a run, so that a wrong coefficient in them shows here.
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -28,19 +29,15 @@ HOURGLASS = 0.1
 SOLID_CASE = Case(cylinder_diameter=0.1, cable_diameter=2.0e-3, weight=0.5, marker_spacing=0.1)
 
 
+@dataclass(eq=False)
 class Machine:
-    """Moves cylinder, guide and load of a winding model from one standstill to the next.
+    """Moves cylinder, guide and load of a winding model from one standstill to the next."""
 
-    Args:
-        model: At its start.
-        tension: Of the span [N].
-        piece: Time between two calls of the model [s].
-    """
+    model: WindingModel  # At its start
+    tension: float  # Of the span [N]
+    piece: float = 5.0e-3  # Time between two calls of the model [s]
 
-    def __init__(self, model: WindingModel, tension: float, piece: float = 5.0e-3) -> None:
-        self.model = model
-        self._tension = tension
-        self._piece = piece
+    def __post_init__(self) -> None:
         self._angle = 0.0
         self._guide = 0.0
 
@@ -53,11 +50,11 @@ class Machine:
         tension: float | None = None,
     ) -> None:
         """Move to an angle [rad], a place of the guide [m] and a tension [N]; None stays."""
-        a, g, f = self._angle, self._guide, self._tension
+        a, g, f = self._angle, self._guide, self.tension
         da = 0.0 if angle is None else angle - a
         dg = 0.0 if guide is None else guide - g
         df = 0.0 if tension is None else tension - f
-        start, pieces = self.model.time, math.ceil(seconds / self._piece)
+        start, pieces = self.model.time, math.ceil(seconds / self.piece)
         for i in range(1, pieces + 1):
             u = i / pieces
             way, rate = u * u * (3.0 - 2.0 * u), 6.0 * u * (1.0 - u) / seconds
@@ -68,12 +65,12 @@ class Machine:
                 feed_speed=rate * dg,
             )
             self.model.advance_to(start + u * seconds, reading, f + way * df)
-        self._angle, self._guide, self._tension = a + da, g + dg, f + df
+        self._angle, self._guide, self.tension = a + da, g + dg, f + df
 
     def spin(self, seconds: float, speed: float, to: float | None = None) -> None:
         """Turn on at a speed [rad/s] that changes steadily to another one."""
         change = (speed if to is None else to) - speed
-        a, start, pieces = self._angle, self.model.time, math.ceil(seconds / self._piece)
+        a, start, pieces = self._angle, self.model.time, math.ceil(seconds / self.piece)
         for i in range(1, pieces + 1):
             t = seconds * i / pieces
             self._angle = a + speed * t + 0.5 * change * t * t / seconds
@@ -83,7 +80,7 @@ class Machine:
                 carriage_position=self._guide,
                 feed_speed=0.0,
             )
-            self.model.advance_to(start + t, reading, self._tension)
+            self.model.advance_to(start + t, reading, self.tension)
 
     def watch(self, seconds: float, pieces: int, look: Callable[[], Any]) -> FloatArray:
         """Stand still and return what is seen at equal times, shape (pieces, ...)."""
