@@ -7,7 +7,7 @@ from typing import Any, Protocol
 
 from winding_core.cable.cases import length_error_pct
 from winding_core.parameters import parameter
-from winding_core.units import PLAIN
+from winding_core.units import PLAIN, json_values
 
 # Mean of Table 8: what the paper's correction leaves of its own 45 lengths (4.81 %).
 PAPER_LIMIT_PCT = 4.8
@@ -172,19 +172,16 @@ class ErrorVerdict:
         """Return the verdict as JSON values; null where there is no number."""
         worst, held_out = self.worst, self.worst_held_out
         return {
-            "good": self.good,
-            "whole": self.whole,
-            "sentence": self.sentence,
+            **json_values(self, "good", "whole", "sentence", "limit_pct", "against"),
             "held_out_sentence": self.held_out_sentence or None,
-            "limit_pct": self.limit_pct,
-            "against": self.against,
             "largest_error_pct": None if worst is None else worst.corrected,
             "marker": None if worst is None else worst.id,
             "largest_error_held_out_pct": None if held_out is None else held_out.held_out,
             "marker_held_out": None if held_out is None else held_out.id,
-            "compared": [item.id for item in self.compared],
-            "helped": [item.id for item in self.helped],
-            "worse": [item.id for item in self.worse],
+            **{
+                name: [item.id for item in getattr(self, name)]
+                for name in ("compared", "helped", "worse")
+            },
             "markers": [
                 {
                     "id": item.id,

@@ -2,6 +2,8 @@
 
 import math
 from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any
 
 # One such unit in SI.
 MILLIMETRE = 1.0e-3
@@ -39,6 +41,21 @@ class Unit:
 def known(value: float | None) -> float | None:
     """Return a number, or None in place of one that is not finite, which JSON has not."""
     return None if value is None or not math.isfinite(value) else float(value)
+
+
+def json_values(record: object, *keys: str) -> dict[str, Any]:
+    """Return attributes of a record as JSON values, None for a number that is not finite.
+
+    Args:
+        record: Has the attributes.
+        keys: Each an attribute, or one with its unit behind it, such as `theta_rad` of `theta`.
+    """
+    found = {}
+    for key in keys:
+        value = getattr(record, key if hasattr(record, key) else key.rpartition("_")[0])
+        real = isinstance(value, Real) and not isinstance(value, Integral)
+        found[key] = known(float(value)) if real else value
+    return found
 
 
 PLAIN = Unit()

@@ -52,7 +52,7 @@ from winding_core.arm.opening import check_arm, open_arm
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.layers import WoundDrum
 from winding_core.lay.program import LayProgram, LayProgramError
-from winding_core.units import MILLIMETRE, known
+from winding_core.units import MILLIMETRE, json_values, known
 from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
 
@@ -322,13 +322,8 @@ def verdict(plan: LayPlan, solver: SolverLay | None, tolerance_mm: float | None)
 def control_record(controlled: tuple[ExpectedLanding, ...]) -> list[dict[str, Any]]:
     """Return where markers land under control as plain values."""
     return [
-        {
-            "id": item.number,
-            "wanted_rad": item.wanted,
-            "expected_rad": known(item.expected),
-            "sigma_rad": known(item.sigma),
-            "misses_rad": known(item.misses),
-        }
+        {"id": item.number}
+        | json_values(item, "wanted_rad", "expected_rad", "sigma_rad", "misses_rad")
         for item in controlled
     ]
 

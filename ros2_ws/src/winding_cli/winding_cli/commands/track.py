@@ -23,7 +23,7 @@ from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerParameters
 from winding_core.parameters import build, typed_values
 from winding_core.run_options import CameraClockParameters, CameraPixels, CameraPlacement
-from winding_core.units import MILLIMETRE, MILLIRADIAN, known
+from winding_core.units import MILLIMETRE, MILLIRADIAN, json_values, known
 
 if TYPE_CHECKING:
     import numpy as np
@@ -248,21 +248,14 @@ class TrackedRecording:
         """Return the same as plain values, None for what is not known."""
         report = self.report
         return {
-            "healthy": report.healthy,
-            "frames": report.frames,
+            **json_values(report, "healthy", "frames"),
             "rejected": {
                 fault.name.lower(): count for fault, count in report.rejected.items() if count
             },
             "known": report.known,
             "markers": self._markers(),
             "contradictions": [
-                {
-                    "number": item.number,
-                    "share": known(item.share),
-                    "sigma": known(item.sigma),
-                    "alternatives": list(item.alternatives),
-                    "sentence": item.sentence,
-                }
+                json_values(item, "number", "share", "sigma", "alternatives", "sentence")
                 for item in report.contradictions
             ],
             "doubts": list(report.doubts),
@@ -326,8 +319,7 @@ class TrackedRecording:
         return {
             "places": len(lay.records),
             "turns": len(set(lay.records["turn"].tolist())),
-            "free_length_m": known(lay.free_length),
-            "sigma_free_length_m": known(lay.sigma_free_length),
+            **json_values(lay, "free_length_m", "sigma_free_length_m"),
             "defects": [
                 {"kind": name_of(item.flag), "first_rad": item.first, "last_rad": item.last}
                 for item in lay.defects

@@ -18,7 +18,7 @@ from winding_core.machine.drive import DriveProfile
 from winding_core.machine.drum import Drum
 from winding_core.markers import MARKER_DTYPE, Markers
 from winding_core.run_outcome import RunOutcome
-from winding_core.units import known
+from winding_core.units import json_values
 from winding_reports.records.identity import Identity
 from winding_reports.records.lay_outcome import LayOutcome, outcome_json
 from winding_reports.trace import LengthTrace, hop_costs
@@ -235,21 +235,13 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "markers": [
             {
                 "id": row.id,
-                **{
-                    key: known(getattr(row, key.removesuffix("_m").removesuffix("_rad")))
-                    for key in _OF_A_ROW
-                },
+                **json_values(row, *_OF_A_ROW, *([] if record.element == "rod" else ["s_rod_m"])),
                 "error_held_out_pct": error_pct(row.s_published, row.s_held_out),
-                **({} if record.element == "rod" else {"s_rod_m": known(row.s_rod)}),
             }
             for row in record.rows
         ],
-        "frames": record.frames,
-        "frames_lost": record.frames_lost,
-        "joint_states": record.joint_states,
-        "joint_states_lost": record.joint_states_lost,
-        "wall_s": known(record.wall_s),
-        "sim_s": known(record.sim_s),
+        **json_values(record, "frames", "frames_lost", "joint_states", "joint_states_lost"),
+        **json_values(record, "wall_s", "sim_s"),
         "error_verdict": record.verdict.as_json(),
         **({} if record.material is None else {"material": _material_json(record.material)}),
         **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
@@ -265,12 +257,8 @@ def _lay_json(lay: LayOutcome) -> dict[str, Any]:
 
 def _material_json(material: MaterialReport) -> dict[str, Any]:
     return {
-        "law": material.law,
-        "young_pa": known(material.young),
-        "standard_error_pa": known(material.standard_error),
-        "half_width_90_pa": known(material.half_width_90),
-        "markers": list(material.markers),
-        "taken_up": material.taken_up,
+        **json_values(material, "law", "young_pa", "standard_error_pa", "half_width_90_pa"),
+        **json_values(material, "markers", "taken_up"),
         "refused": material.refusal or None,
     }
 
@@ -280,13 +268,8 @@ def _trace_json(trace: LengthTrace) -> dict[str, Any]:
         "lengths": trace.lengths,
         **{
             way.name: [
-                {
-                    "station": cost.station or None,
-                    "hop": cost.name,
-                    "median_s": cost.median,
-                    "p99_s": cost.p99,
-                    "share": cost.share,
-                }
+                {"station": cost.station or None, "hop": cost.name}
+                | json_values(cost, "median_s", "p99_s", "share")
                 for cost in hop_costs(way)
             ]
             for way in trace.ways

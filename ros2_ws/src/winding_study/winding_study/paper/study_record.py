@@ -25,7 +25,8 @@ from correction_node.training.training import NETWORK, RIG, RIG_NETWORK, Trainin
 from winding_core.cable.cases import published_markers, published_weights
 from winding_core.machine.drive import PAPER_DURATION
 from winding_core.machine.tension import DeadWeight
-from winding_reports.documents.data_table import DataTable, known
+from winding_core.units import json_values
+from winding_reports.documents.data_table import DataTable
 from winding_reports.records.identity import Identity, Origin, Quantity, declared_quantities
 from winding_study.paper.case_result import CaseResult, Comparison, compare, compare_paper
 from winding_study.paper.paper_tables import (
@@ -40,6 +41,10 @@ from winding_study.paper.study import ROD_SEGMENT, StudyConfig, predicted_length
 from winding_study.run_parameters import RunParameters
 
 PUBLISHED = "paper's simulation"
+_OF_A_MODEL = (
+    *("kind", "description", "in_sample_pct", "leave_one_case_out_pct", "in_sample_spread_pct"),
+    *("leave_one_case_out_spread_pct", "worst_case_pct", "bound_pct", "own_interval_coverage_pct"),
+)
 PHYSICAL = (RIG, RIG_NETWORK, RIG_PROCESS)  # Models over the rig's span-tension law
 
 
@@ -226,23 +231,7 @@ class StudyRecord:
                 **{table.name: table.means for table in tables if table.means},
             },
             "models": {
-                name: {
-                    "kind": model.kind,
-                    "description": model.description,
-                    **{
-                        field_name: known(getattr(model, field_name))
-                        for field_name in (
-                            "in_sample_pct",
-                            "leave_one_case_out_pct",
-                            "in_sample_spread_pct",
-                            "leave_one_case_out_spread_pct",
-                            "worst_case_pct",
-                            "bound_pct",
-                            "own_interval_coverage_pct",
-                        )
-                    },
-                }
-                for name, model in self.models.items()
+                name: json_values(model, *_OF_A_MODEL) for name, model in self.models.items()
             },
             "best_model": self.best_model,
             "best_learned": self.best_learned,

@@ -27,6 +27,7 @@ from winding_core.units import (
     PLAIN,
     SPEED,
     TIME,
+    json_values,
 )
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
 
@@ -183,25 +184,16 @@ def drum_record(plan: LayPlan, wound: WoundDrum) -> dict[str, Any]:
         "flange_diameter_m": 2.0 * drum.flange_radius,
         "groove_pitch_m": drum.groove_pitch,
         "start_side": drum.start_side,
-        "winding": wound.winding,
-        "pitch_m": wound.pitch,
-        "turns": wound.turns,
-        "length_m": wound.length,
+        **json_values(wound, "winding", "pitch_m", "turns", "length_m", "filled_diameter_m"),
         "undeformed_length_m": float(undeformed.sum()),
-        "filled_diameter_m": wound.filled_diameter,
         "mass_kg": wound.mass(per_length),
         "inertia_kg_m2": wound.inertia(per_length),
         "cable_speed_m_s": plan.speed * plan.radius,
         "layers": [
             {
-                "number": layer.number,
-                "direction": layer.direction,
-                "first_turn": layer.first_turn,
-                "last_turn": layer.last_turn,
-                "radius_m": layer.radius,
+                **json_values(layer, "number", "direction", "first_turn", "last_turn"),
+                **json_values(layer, "radius_m", "last_z_m", "length_m"),
                 "z_m": layer.z.tolist(),
-                "last_z_m": layer.last_z,
-                "length_m": layer.length,
                 "undeformed_length_m": float(undeformed[k]),
                 "pull_n": float(pull[k]),
                 "cylinder_speed_rad_s": float(speed[k]),
