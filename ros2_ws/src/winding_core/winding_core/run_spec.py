@@ -90,7 +90,7 @@ class Source:
             return None
         if name.endswith(":"):
             return self.cell.sections.get(name[:-1], self.cell.start)
-        return self.cell.places.get(name)
+        return self.cell.places.get((SECTION_OF.get(name, ""), name))
 
     def name(self, key: str) -> str:
         """Return how a sentence names an option."""
