@@ -22,9 +22,9 @@ from winding_core.parameters import (
     ParameterError,
     Spelling,
     Value,
-    build,
     options,
     refuse_unknown,
+    typed_record,
     typed_values,
 )
 
@@ -360,7 +360,7 @@ def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
             return Condition.from_typed(keys, spelling=source.name, case=case)
         if record is DrumParameters:
             return DrumParameters.from_options(keys, spelling=source.name)
-        built: Any = build(record, typed_values(record, keys, source.name), owner="a run")
+        built: object = typed_record(record, keys, source.name)
         if isinstance(built, MarkerLook):
             _ = built.hues
         return built

@@ -20,7 +20,7 @@ from winding_cli.terminal.ros_environment import joined, plain_node
 from winding_cli.terminal.termination import end
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay.errors import LayTolerance
-from winding_core.parameters import ParameterError, build, typed_values
+from winding_core.parameters import ParameterError, typed_record
 from winding_core.run_options import OperatorLimits
 from winding_core.units import MEGABYTE, MILLISECOND
 from winding_recorder.bags.description import COMPLETE, PARAMETERS, RECOVERED, BagError
@@ -242,8 +242,7 @@ def report(
     """
     given = {**judged, **errors}
     with refused(ValueError):
-        values = typed_values(OperatorLimits, given, spelled)
-        limits = build(OperatorLimits, values, owner="winding bag report")
+        limits = typed_record(OperatorLimits, given, spelled)
     check_output_folder(out, "--output", new=True)
     with refused(BagError, ParameterError, code=FAILED):
         write_recorded_report(source, out, limits, given)

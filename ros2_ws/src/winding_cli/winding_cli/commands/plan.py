@@ -53,6 +53,7 @@ from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.layers import WoundDrum
 from winding_core.lay.program import LayProgram, LayProgramError
 from winding_core.units import MILLIMETRE, json_values, known
+from winding_core.parameters import typed_record
 from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
 
@@ -145,7 +146,7 @@ def plan(
         solver = drum is None if solver is None else solver
         if solver and parameters.element != "rod":
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
-        limits = PlanParameters.from_typed(typed_limits, spelling=spelled).limits()
+        limits = typed_record(PlanParameters, typed_limits, spelled).limits()
         config = replace(parameters.config_of(what), drum=drum)
         wound: WoundDrum | None = None
         if filled:

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,7 +21,7 @@ from winding_core.helix import curve_length
 from winding_core.lay.records import name_of
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerParameters
-from winding_core.parameters import build, typed_values
+from winding_core.parameters import typed_record
 from winding_core.run_options import CameraClockParameters, CameraPixels, CameraPlacement
 from winding_core.units import MILLIMETRE, MILLIRADIAN, json_values, known
 
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from marker_tracker_node.tracking.report import TrackerReport
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
     from winding_core.markers import Markers
-
-Record = TypeVar("Record")
 
 _UNLOADED = 1.0e-3  # The least tension that a condition may have [N]
 
@@ -99,8 +97,9 @@ def track(
             tilt=camera_tilt_sigma_mrad * MILLIRADIAN,
         )
         wound, assumed = tracked_condition(typed)
-        where = _built(CameraPlacement, placement)
-        sought, read = _built(MarkerParameters, markers), _built(CameraPixels, pixels)
+        where = typed_record(CameraPlacement, placement, spelled)
+        sought = typed_record(MarkerParameters, markers, spelled)
+        read = typed_record(CameraPixels, pixels, spelled)
         config = TrackerConfig.of(wound.resolved(), where, sought, row_time=read.row_time)
         brought = read_bag(source) if is_bag(source) else Recording(camera=None, motion=None)
         lens = read_camera(camera) if camera else brought.camera
@@ -109,7 +108,7 @@ def track(
             refuse("there is no camera: give --camera")
         if drive is None:
             refuse("there is no motion: give --motion")
-        wanted = _built(CameraClockParameters, clock)
+        wanted = typed_record(CameraClockParameters, clock, spelled)
         settings = ClockSettings(
             correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
         )
@@ -179,10 +178,6 @@ def _refined(
         return refine(tracker.config, lens, tracker.sightings(), belief), ""
     except ValueError as error:
         return None, str(error)
-
-
-def _built(record: type[Record], typed: Typed) -> Record:
-    return build(record, typed_values(record, typed, spelled), owner="winding track")
 
 
 def _measure(

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from winding_core.cable.cases import Case
 from winding_core.lay.layers import FULL_TURN, ROUNDING, WINDINGS, Layer, WoundDrum, layer_rise
 from winding_core.machine.drum import START_SIDES, Drum, DrumError
-from winding_core.parameters import ParameterError, Spelling, parameter, typed_values
+from winding_core.parameters import ParameterError, Spelling, parameter, typed_record
 from winding_core.units import LENGTH, LONG_LENGTH, MILLIMETRE, PLAIN, TURNS
 
 Array = NDArray[np.float64]
@@ -303,8 +303,7 @@ class DrumParameters(DrumShape):
         Raises:
             ParameterError: A value is refused, or has no meaning beside the others.
         """
-        values: dict[str, Any] = typed_values(cls, typed, spelling)
-        found = cls(**values)
+        found = typed_record(cls, typed, spelling)
         if not typed:
             return found
         width, flange = spelling("drum_width_mm"), spelling("flange_mm")

@@ -1,9 +1,8 @@
 """A plan's options: limits of the machine, and a drum with the program that fills it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from winding_core.lay.layers import WoundDrum
 from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
 from winding_core.machine.drum import DrumError
-from winding_core.parameters import Spelling, parameter, typed_values
+from winding_core.parameters import parameter
 from winding_core.units import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
@@ -83,20 +82,6 @@ class PlanParameters:
         0.01,
         10.0,
     )
-
-    @classmethod
-    def from_typed(cls, typed: Mapping[str, object], *, spelling: Spelling = str) -> Self:
-        """Return the limits that typed options mean.
-
-        Args:
-            typed: By option, in the unit of its name.
-            spelling: How a refusal writes an option's name.
-
-        Raises:
-            ParameterError: A value is refused.
-        """
-        values: dict[str, Any] = typed_values(cls, typed, spelling)
-        return cls(**values)
 
     def limits(self) -> PlanLimits:
         """Return the limits of a plan.
