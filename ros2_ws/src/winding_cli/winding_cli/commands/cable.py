@@ -12,7 +12,13 @@ import typer
 from winding_cli.app import command_group
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import Force, Json, check_output_file, staged, write_json
+from winding_cli.terminal.output_path import (
+    Force,
+    Json,
+    check_output_file,
+    write_json,
+    write_text,
+)
 from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared, with_options
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
@@ -201,8 +207,7 @@ def add(
             )
         )
     check_output_file(file, make_folder=True, force=force)
-    with staged(file) as place:
-        place.write_text(made.text(), encoding="utf-8")
+    write_text(file, made.text())
     print(f"{file}: winding cable show {name}")
 
 

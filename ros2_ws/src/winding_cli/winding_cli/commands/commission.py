@@ -16,8 +16,8 @@ from winding_cli.terminal.console import Shown, busy, record_table, result_conso
 from winding_cli.terminal.output_path import (
     check_output_file,
     check_output_folder,
-    staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
 from winding_cli.terminal.refusal import FAILED, refuse, refused
@@ -309,12 +309,10 @@ def _learn(
     cable_file = cable_file or delivery.directory / f"{name}.yaml"
     cell_file = cell_file or delivery.directory / "found-cell.yaml"
     cable = cable_of(name, spec, posterior, source)
-    with staged(cable_file) as place:
-        place.write_text(cable.text(), encoding="utf-8")
+    write_text(cable_file, cable.text())
     with refused(ValueError, code=FAILED):
         text = cell_text_of(spec, posterior, str(cable_file), source)
-    with staged(cell_file) as place:
-        place.write_text(text, encoding="utf-8")
+    write_text(cell_file, text)
     record = commissioning_record(posterior, planned.design[:_SHOWN], following[:_SHOWN])
     write_json(delivery.directory / "commissioning.json", record)
     console.print(f"cable: {cable_file}\ncell: {cell_file}", soft_wrap=True)

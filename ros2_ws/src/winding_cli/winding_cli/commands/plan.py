@@ -38,6 +38,7 @@ from winding_cli.terminal.output_path import (
     check_output_file,
     staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.record_options import (
     Cable,
@@ -52,8 +53,8 @@ from winding_core.arm.opening import check_arm, open_arm
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.layers import WoundDrum
 from winding_core.lay.program import LayProgram, LayProgramError
-from winding_core.units import MILLIMETRE, json_values, known
 from winding_core.parameters import typed_record
+from winding_core.units import MILLIMETRE, json_values, known
 from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
 
@@ -194,8 +195,7 @@ def plan(
         "missed": missed,
     }
     if csv_file is not None:
-        with staged(csv_file) as place:
-            place.write_text(csv_text(planned, 1.0e-3 * period_ms), encoding="utf-8")
+        write_text(csv_file, csv_text(planned, 1.0e-3 * period_ms))
     if picture is not None:
         from winding_study.plans.plan_picture import write_plan_picture
 

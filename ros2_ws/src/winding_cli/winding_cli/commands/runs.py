@@ -18,6 +18,7 @@ from winding_cli.terminal.output_path import (
     check_output_file,
     staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.record_options import Typed, with_declared
 from winding_cli.terminal.refusal import need_extra, refuse, refused
@@ -161,9 +162,7 @@ def trend(
     if page is not None:
         from winding_reports.runs.trend_page import render_trend
 
-        with staged(page) as place:
-            text = render_trend(str(folder), rows, counts, found)
-            place.write_text(text, encoding="utf-8")
+        write_text(page, render_trend(str(folder), rows, counts, found))
 
 
 def _checked(
@@ -207,8 +206,7 @@ def _write(
         columns = tuple(Column(name=name) for name in RunRow._fields)
         table = DataTable(name="runs", title="Runs", columns=columns, rows=tuple(rows))
     if csv_file is not None:
-        with staged(csv_file) as place:
-            place.write_text(table.as_csv(), encoding="utf-8")
+        write_text(csv_file, table.as_csv())
     if parquet_file is not None:
         with staged(parquet_file) as place:
             table.write_parquet(place)

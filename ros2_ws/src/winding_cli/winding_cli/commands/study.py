@@ -18,6 +18,7 @@ from winding_cli.terminal.output_path import (
     check_output_folder,
     staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.refusal import FAILED, evidence, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
@@ -161,9 +162,7 @@ def study(
     identity = study_identity(record, origin_here(), drawn)
     write_json(json, {"identity": identity.as_json(), **record.as_json()})
     if lengths is not None:
-        with staged(lengths) as place:
-            text = format_lengths(predicted_lengths(record.results))
-            place.write_text(text, encoding="utf-8")
+        write_text(lengths, format_lengths(predicted_lengths(record.results)))
     if report is not None:
         from winding_study.paper.study_report import write_study
 
