@@ -14,7 +14,7 @@ from lay_control_node.control.guide_law import (
     WantedPoint,
 )
 from lay_control_node.control.landing_law import LandingLaw
-from lay_control_node.control.lay_filter import LayEstimate, LayFilter
+from lay_control_node.control.lay_filter import LayEstimate, LayFilter, Place
 from lay_control_node.control.layer_watch import LayerWatch
 from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
 from winding_core.lay.records import ControlBasis, ControlMode, LayFlag, LayRecords
@@ -249,10 +249,11 @@ class LayController:
         if reading.guide is not None:
             known = self.lay.config
             longer = reading.guide.free_length(known.radius) - known.free_length
+        place = Place(theta, guide, bend, wanted.raised, longer)
         if self._before is None and theta > UNWOUND:
-            self.lay.join(theta, guide, wanted.slope, bend, wanted.raised, longer)
+            self.lay.join(place, wanted.slope)
             self.stretch.join(theta)
-        self.lay.advance(theta, guide, bend, wanted.raised, longer)
+        self.lay.advance(place)
         self.stretch.advance(theta, pull, wanted.slope)
 
     def _bend_length(self, theta: float, pull: float) -> float:
