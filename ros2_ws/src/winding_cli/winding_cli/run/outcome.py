@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.condition import Condition, ResolvedCondition
-from winding_core.error_verdict import judge_lengths
 from winding_core.run_outcome import Extent, RunOutcome
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_reports.records.lay_outcome import LayOutcome
-from winding_reports.records.run_record import MarkerRow
+from winding_reports.records.run_record import MarkerRow, judge_lengths
 from winding_ros import topics
 from winding_ros.topic import Topic
 from winding_supervisor.session.session import RunResult

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case, PublishedMarker, published_markers
 from winding_core.cable.material_report import MaterialReport
-from winding_core.error_verdict import ErrorVerdict, error_pct
+from winding_core.error_verdict import CAMERA, EXPERIMENT, ErrorVerdict, MarkerError, error_pct
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.drum import Drum
 from winding_core.markers import MARKER_DTYPE, Markers
@@ -151,6 +151,43 @@ class MarkerRow:
         if self.s_fem is None or self.h_held_out is None:
             return None
         return self.h_held_out * self.s_fem
+
+
+def judge_lengths(
+    rows: Sequence[MarkerRow],
+    limit_pct: float,
+    *,
+    published: bool,
+    asked: int | None = None,
+    ended: bool = True,
+) -> ErrorVerdict:
+    """Return what the lengths of a run are worth.
+
+    Args:
+        rows: Of every marker.
+        limit_pct: Largest error that counts as good [%].
+        published: Whether the paper's experiment is the measure; else the run's own camera.
+        asked: How many of them were to be judged; None for those with a predicted length.
+        ended: Whether the run came to its end.
+    """
+    errors = []
+    for row in rows:
+        measured = row.s_published if published else row.s_tracked
+        errors.append(
+            MarkerError(
+                id=row.id,
+                predicted=error_pct(measured, row.s_fem),
+                corrected=error_pct(measured, row.s_corrected),
+                held_out=error_pct(measured, row.s_held_out),
+            )
+        )
+    return ErrorVerdict(
+        limit_pct=limit_pct,
+        against=EXPERIMENT if published else CAMERA,
+        errors=tuple(errors),
+        asked=sum(row.s_fem is not None for row in rows) if asked is None else asked,
+        ended=ended,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
