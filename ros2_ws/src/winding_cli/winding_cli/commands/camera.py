@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,7 +17,10 @@ from winding_cli.terminal.record_options import Domain, Namespace, Typed, spelle
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
 from winding_cli.terminal.termination import end
+from winding_core.cable.cases import paper_case
 from winding_core.cable.condition import Condition
+from winding_core.helix import PAPER_FREE_LENGTH
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import DOT, MarkerLook, MarkerParameters
 from winding_core.parameters import parameter, typed_record
 from winding_core.raw_image import ENCODINGS
@@ -143,9 +147,6 @@ def render(
     """Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml."""
     import numpy as np
 
-    from winding_core.cable.cases import paper_case
-    from winding_core.helix import PAPER_FREE_LENGTH
-    from winding_core.machine.drive import DriveProfile
     from winding_rig_node.camera import (
         CablePath,
         CameraConfig,
@@ -229,8 +230,6 @@ def play_film(
 
     Every frame has its camera_info. Frames that come late are counted and named.
     """
-    from itertools import chain
-
     from marker_tracker_node.camera.calibration import read_camera
     from marker_tracker_node.camera.frame_sources import FrameSource, Recording, is_bag, read_bag
     from marker_tracker_node.camera.image_formats import COMPRESSIONS
@@ -300,8 +299,6 @@ def check_film(
 
     With a camera file, how far markers move during the exposure is known as well.
     """
-    from itertools import islice
-
     from marker_tracker_node.camera.calibration import read_camera
     from marker_tracker_node.camera.frame_sources import FrameSource, is_bag, read_bag
     from marker_tracker_node.camera.image_formats import PixelReader

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cable_fem_node.winding.rig_prior import CELL, RigPrior
-from winding_cli.run.configuration import configured
+from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
+from winding_cli.run.configuration import configured, warn_of_slowness
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
     check_output_file,
@@ -22,12 +23,13 @@ from winding_cli.terminal.output_path import (
 from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.catalogue.cables import check_name
-from winding_core.parameters import ParameterError, typed_values
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.tension import DeadWeight
+from winding_core.parameters import ParameterError, build, declared_in, typed_values
 from winding_core.run_spec import RunSpec
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
-    from cable_fem_node.winding.winding_config import WindingConfig
     from winding_cli.run.delivery import RunDelivery
     from winding_study.commissioning.design import Expected
     from winding_study.commissioning.motion import MachineReach, Motion
@@ -151,9 +153,6 @@ def _planned(
         ParameterError: The limits allow no motion.
         ValueError: The cable cannot be wound.
     """
-    from cable_fem_node.winding.winding_config import SolverParameters
-    from winding_core.machine.tension import DeadWeight
-    from winding_core.parameters import build
     from winding_study.commissioning.design import ranked
     from winding_study.commissioning.motion import (
         MachineReach,
@@ -214,7 +213,6 @@ def _run_options(spec: RunSpec, planned: Plan) -> dict[str, Any]:
 
 def _wound(spec: RunSpec, motion: Motion) -> RunDelivery:
     """Wind the run through the graph; end the command where it is not whole."""
-    from winding_cli.run.configuration import warn_of_slowness
     from winding_cli.run.delivery import RunDelivery
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here
@@ -253,8 +251,6 @@ def _conform(spec: RunSpec) -> None:
     """Refuse an external machine that does not keep the interface."""
     from winding_cli.commands.conform import probed
     from winding_cli.terminal.ros_environment import joined
-    from winding_core.machine.axes import MachineAxes
-    from winding_core.parameters import declared_in
 
     axes = MachineAxes(**declared_in(MachineAxes, spec.asked("machine")))
     with joined(spec.domain):

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cable_fem_node.winding.rig_prior import KNOWN_TENSION, RigPrior
+from cable_fem_node.winding.winding_config import WindingConfig
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_core.markers import Markers
 from winding_core.parameters import typed_values
 from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE, json_values
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.identification import TrackedRun
-    from cable_fem_node.winding.winding_config import WindingConfig
-    from winding_core.markers import Markers
     from winding_study.identification.tensile import LawFit
 
 

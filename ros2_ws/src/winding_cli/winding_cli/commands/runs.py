@@ -24,7 +24,7 @@ from winding_cli.terminal.record_options import Typed, with_declared
 from winding_cli.terminal.refusal import need_extra, refuse, refused
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_reports.runs.run_index import NUMBERS, RunIndex, RunIndexError, Selection
-from winding_reports.runs.run_row import VERDICTS, RunRow, row_of_file
+from winding_reports.runs.run_row import VERDICTS, RunRow, compared, row_of_file
 
 if TYPE_CHECKING:
     from winding_reports.documents.data_table import DataTable
@@ -112,8 +112,6 @@ def compare(
     first: Run, second: Run, folder: In = Path("runs"), json_file: Json = None, force: Force = False
 ) -> None:
     """Show two runs side by side: what differs in condition, outcome and numbers."""
-    from winding_reports.runs.run_row import compared
-
     check_output_file(json_file, "--json", force=force)
     with refused(ValueError):
         record = compared(*(_file(name, folder) for name in (first, second)))

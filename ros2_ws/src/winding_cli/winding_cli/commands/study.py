@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -214,8 +215,6 @@ def _show(record: StudyRecord) -> None:
 
 def _calibrate(law: str | None, json: Path | None) -> None:
     """Fit the rig's span tension and print it."""
-    from dataclasses import asdict
-
     from winding_study.paper.calibration import LAW, calibrate
 
     console = result_console()

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from cable_fem_node.winding.prediction import PlannedRun
 from winding_cli.offline.wound_parameters import wound_parameters
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import Force, check_output_file, check_output_folder, staged
@@ -21,7 +22,6 @@ from winding_core.units import MILLIMETRE
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from cable_fem_node.winding.prediction import PlannedRun
     from winding_study.run_store import Arrays, RunStore
     from winding_study.sweep.engines import Engine
     from winding_study.sweep.outcome import Columns
