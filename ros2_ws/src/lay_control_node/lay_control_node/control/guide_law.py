@@ -97,7 +97,8 @@ class GuideLaw:
         slope = wanted.slope + near * wanted.curvature
         missing = wanted.z + near * wanted.slope - lay.headed
         goal = slope + self._made_up(missing)
-        turn = _within(wanted.curvature + 4.0 * self.gain * (goal - heading), self.turning)
+        turn = wanted.curvature + 4.0 * self.gain * (goal - heading)
+        turn = min(max(turn, -self.turning), self.turning)
         per_radian = heading + far * turn
         return GuideCommand(position=guide + per_radian * max(turned, 0.0), per_radian=per_radian)
 
@@ -110,10 +111,6 @@ class GuideLaw:
         return math.copysign(
             math.sqrt(2.0 * braking * abs(missing) - (braking / gain) ** 2), missing
         )
-
-
-def _within(value: float, most: float) -> float:
-    return min(max(value, -most), most)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -99,7 +99,9 @@ def list_runs(
 def show(run: Run, folder: In = Path("runs"), json_file: Json = None, force: Force = False) -> None:
     """Show a run: verdict, reason, labels and numbers."""
     check_output_file(json_file, "--json", force=force)
-    row = _found(run, folder)
+    with refused(RunIndexError):
+        file = _file(run, folder)
+    row = row_of_file(str(file.parent), file)
     console = result_console()
     pairs = [(name, value) for name, value in row._asdict().items() if value is not None]
     columns = (Shown("what", lambda pair: pair[0]), Shown("value", lambda pair: _text(pair[1])))
@@ -221,12 +223,6 @@ def _file(name: str, folder: Path) -> Path:
             return path
     with RunIndex(folder) as index:
         return folder / index.run(name).path / NUMBERS
-
-
-def _found(name: str, folder: Path) -> RunRow:
-    with refused(RunIndexError):
-        file = _file(name, folder)
-    return row_of_file(str(file.parent), file)
 
 
 def _text(value: object) -> str:

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from correction_node.training.comparison import BASELINE, ORACLE, ModelScore
+from correction_node.training.comparison import BASELINE, ORACLE
 from winding_core.cable.cases import PublishedMarker, paper_case, published_markers
 from winding_core.units import MILLIMETRE
 from winding_reports.documents.data_table import DataTable
@@ -211,7 +211,7 @@ def models_picture(record: StudyRecord) -> Picture:
     )
     with canvas(0.42 * len(models) + 1.3) as (figure, (axes,)):
         for row, (_, model) in enumerate(models):
-            colour = _colour(model)
+            colour = {ORACLE: FAINT, BASELINE: PREDICTED}.get(model.kind, CORRECTED)
             apart = 0.5 * _BAR if math.isfinite(model.leave_one_case_out_pct) else 0.0
             for value, spread, shift, seen in (
                 (model.in_sample_pct, model.in_sample_spread_pct, -apart, True),
@@ -340,7 +340,3 @@ def network_picture() -> Picture:
         "Three inputs, three hidden layers, one weight h for the whole case; the predicted "
         "length of every marker is multiplied by it.",
     )
-
-
-def _colour(model: ModelScore) -> str:
-    return {ORACLE: FAINT, BASELINE: PREDICTED}.get(model.kind, CORRECTED)
