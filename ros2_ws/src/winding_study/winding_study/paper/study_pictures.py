@@ -50,12 +50,12 @@ _BAR = 0.38
 
 def errors_picture(record: StudyRecord) -> Picture:
     """Return the errors of every measured cell before and after the correction."""
-    rows = _measured(record)
-    raw: list[Series] = [("paper's simulation", PAPER, "X", True, _printed(rows, 7))]
+    rows, printed = _measured(record), record.printed_pct
+    raw: list[Series] = [("paper's simulation", PAPER, "X", True, printed(7))]
     if record.config is not None:
         errors = {(c.case, c.marker): c.error_pct for c in record.comparison.cells}
         raw.append((record.who, PREDICTED, "o", True, errors))
-    updated: list[Series] = [("paper, in-sample", PAPER_CORRECTED, "X", True, _printed(rows, 8))]
+    updated: list[Series] = [("paper, in-sample", PAPER_CORRECTED, "X", True, printed(8))]
     best = record.best_learned
     if best is not None:
         model = record.models[best]
@@ -190,14 +190,6 @@ def _stretch(
 def _measured(record: StudyRecord) -> list[PublishedMarker]:
     asked = set(record.comparison.keys)
     return [row for row in published_markers() if (row.case, row.marker) in asked]
-
-
-def _printed(rows: Sequence[PublishedMarker], table: int) -> dict[Cell, float]:
-    errors = {
-        (row.case, row.marker): row.error_pct if table == 7 else row.updated_error_pct
-        for row in rows
-    }
-    return {cell: error for cell, error in errors.items() if error is not None}
 
 
 def models_picture(record: StudyRecord) -> Picture:

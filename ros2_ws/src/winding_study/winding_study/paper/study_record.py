@@ -103,12 +103,7 @@ class StudyRecord:
 
     def cells_table(self) -> DataTable:
         """Return Tables 2 to 8 in one, measured markers only."""
-        printed = {
-            (row.case, row.marker): row.updated_error_pct
-            for row in published_markers()
-            if row.updated_error_pct is not None
-        }
-        updated = {"paper": printed}
+        updated = {"paper": self.printed_pct(8)}
         best = self.best_learned
         if best is not None:
             model = self.models[best]
@@ -201,21 +196,21 @@ class StudyRecord:
 
     def paper_updated_pct(self) -> float:
         """Return the mean of the printed Table 8 over the cells of the base."""
-        asked = set(self.comparison.keys)
-        printed = [
-            row.updated_error_pct
-            for row in published_markers()
-            if (row.case, row.marker) in asked and row.updated_error_pct is not None
-        ]
+        printed = self.printed_pct(8).values()
         return math.fsum(printed) / len(printed)
 
-    def errors_pct(self, h: Array) -> dict[tuple[int, int], float]:
-        """Return Table 8's error by cell for h by cell."""
-        errors = cell_errors_pct(self.cells, h)
-        return {
-            (cell.case, cell.marker): float(error)
-            for cell, error in zip(self.cells, errors, strict=True)
+    def printed_pct(self, table: int) -> Factors:
+        """Return the errors that Table 7 or 8 prints for the cells of the base."""
+        asked = set(self.comparison.keys)
+        errors = {
+            (row.case, row.marker): row.error_pct if table == 7 else row.updated_error_pct
+            for row in published_markers()
         }
+        return {cell: e for cell, e in errors.items() if cell in asked and e is not None}
+
+    def errors_pct(self, h: Array) -> Factors:
+        """Return Table 8's error by cell for h by cell."""
+        return self._by_cell(cell_errors_pct(self.cells, h))
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as strict JSON values: null where there is no number."""
