@@ -12,13 +12,7 @@ import typer
 from winding_cli.app import command_group
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import (
-    Force,
-    Json,
-    check_output_file,
-    write_json,
-    write_text,
-)
+from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json, write_text
 from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared, with_options
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
