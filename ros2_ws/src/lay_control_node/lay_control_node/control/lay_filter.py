@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -93,7 +93,7 @@ class _State:
     at: Place
     heading: float = 0.0
 
-    def copied(self) -> "_State":
+    def copied(self) -> Self:
         return replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
 
 

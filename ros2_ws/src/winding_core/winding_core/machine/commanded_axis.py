@@ -31,7 +31,10 @@ class MotionLimits:
 
     def __post_init__(self) -> None:
         if not self.low < self.high:
-            raise ValueError(f"travel must end above its start, got {self.low} to {self.high}")
+            raise ValueError(
+                f"the {self.name}'s travel must end above its start, "
+                f"got {self.low:g} to {self.high:g} {self.unit}"
+            )
         for name in ("speed", "acceleration"):
             if not getattr(self, name) > 0.0:
                 raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
