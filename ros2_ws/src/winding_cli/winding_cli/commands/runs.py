@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from winding_cli.app import command_group
-from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.console import Shown, record_table, result_console, six_digits
 from winding_cli.terminal.output_path import (
     Force,
     Json,
@@ -104,7 +104,8 @@ def show(run: Run, folder: In = Path("runs"), json_file: Json = None, force: For
     row = row_of_file(str(file.parent), file)
     console = result_console()
     pairs = [(name, value) for name, value in row._asdict().items() if value is not None]
-    columns = (Shown("what", lambda pair: pair[0]), Shown("value", lambda pair: _text(pair[1])))
+    value = Shown("value", lambda pair: six_digits(pair[1]))
+    columns = (Shown("what", lambda pair: pair[0]), value)
     console.print(record_table(columns, pairs, words=2))
     write_json(json_file, {"counts": {row.verdict: 1}, "runs": [row._asdict()]})
 
@@ -119,9 +120,9 @@ def compare(
         record = compared(*(_file(name, folder) for name in (first, second)))
     columns = (
         Shown("what", "name"),
-        Shown(first, lambda item: _text(item["first"])),
-        Shown(second, lambda item: _text(item["second"])),
-        Shown("difference", lambda item: _text(item["difference"])),
+        Shown(first, lambda item: six_digits(item["first"])),
+        Shown(second, lambda item: six_digits(item["second"])),
+        Shown("difference", lambda item: six_digits(item["difference"])),
     )
     result_console().print(record_table(columns, record["rows"], words=3))
     write_json(json_file, record)
@@ -223,9 +224,3 @@ def _file(name: str, folder: Path) -> Path:
             return path
     with RunIndex(folder) as index:
         return folder / index.run(name).path / NUMBERS
-
-
-def _text(value: object) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)
