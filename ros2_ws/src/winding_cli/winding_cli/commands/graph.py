@@ -28,7 +28,6 @@ from winding_ros.graph import (
     members,
     parameters_of,
 )
-from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.runtime.heartbeat import LEASE, PERIOD, heartbeat_topic
 from winding_ros.services import SERVICES
 from winding_ros.topics import TOPICS
@@ -201,7 +200,7 @@ def listen(nodes: Collection[str], namespace: str, patience: float) -> list[Stat
     heard: dict[str, Status] = {}
 
     def note(message: Any) -> None:
-        _, statuses = decode_diagnostics(message)
+        _, statuses = topics.DIAGNOSTICS.decode(message)
         for encoded, status in zip(message.status, statuses, strict=True):
             if encoded.hardware_id == f"/{namespace}":
                 heard[status.name] = status
