@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lay_control_node.control.guide_law import AxisBounds, BoundedMotion, GuideLaw, WantedPoint
+from lay_control_node.control.guide_law import BoundedMotion, GuideLaw, WantedPoint
 from lay_control_node.control.lay_filter import LayEstimate
+from winding_core.machine.commanded_axis import MotionLimits
+from winding_core.machine.commands import CARRIAGE
 
 Array = NDArray[np.float64]
 
@@ -107,7 +109,7 @@ def test_the_guide_of_a_lay_that_is_right_leads_by_the_lag() -> None:
     assert rows[:, 3] == pytest.approx(PITCH, rel=1.0e-6)
 
 
-BOUNDS = AxisBounds(low=-0.1, high=0.4, speed=0.08, acceleration=0.5)
+BOUNDS = MotionLimits(name=CARRIAGE, low=-0.1, high=0.4, speed=0.08, acceleration=0.5)
 PERIOD = 0.02
 
 

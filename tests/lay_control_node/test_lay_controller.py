@@ -7,7 +7,7 @@ import pytest
 from even_helix import EvenHelix
 
 from lay_control_node.control.control_parameters import ControlParameters
-from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedProgram
+from lay_control_node.control.guide_law import GuideLaw, WantedProgram
 from lay_control_node.control.lay_controller import ControllerConfig, LayController, Setpoint
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
 from lay_control_node.control.stretch_filter import StretchFilter
@@ -16,6 +16,8 @@ from winding_core.cable.condition import Condition, ResolvedCondition, published
 from winding_core.cable.material_law import MaterialLaw
 from winding_core.lay.program import LayProgram
 from winding_core.lay.records import LAY_DTYPE, ControlBasis, ControlMode, LayFlag
+from winding_core.machine.commanded_axis import MotionLimits
+from winding_core.machine.commands import CARRIAGE
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
 
@@ -33,7 +35,7 @@ def controller(*, patience: float = math.inf) -> LayController:
         config=ControllerConfig(
             advance_per_radian=ADVANCE,
             bending_stiffness=1.0e-9,
-            guide=AxisBounds(low=-0.1, high=1.0, speed=0.08, acceleration=0.5),
+            guide=MotionLimits(name=CARRIAGE, low=-0.1, high=1.0, speed=0.08, acceleration=0.5),
             solver_patience=patience,
         ),
         wanted=EvenHelix(ADVANCE),

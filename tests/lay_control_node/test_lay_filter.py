@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
+from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig, Place
 from winding_core.helix import FleetAngleLaw
 
 RHO, BELIEVED = 0.032, 0.198
@@ -19,7 +19,7 @@ def filtered(length: float, *, delay: float, sigma: float, until: float) -> LayF
     lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED))
     seen = 0.0
     for theta in np.arange(0.0, until, 0.01):
-        lay.advance(float(theta), RISE * float(theta))
+        lay.advance(Place(float(theta), RISE * float(theta)))
         if theta - delay > seen + 0.0873:
             seen = float(theta - delay)
             lay.measure(seen, float(law.z(seen)) + sigma * rng.standard_normal(), sigma)
@@ -30,7 +30,7 @@ def test_without_a_measurement_it_is_the_law_of_the_lag() -> None:
     lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED))
     law = FleetAngleLaw(advance_per_radian=RISE, free_length=BELIEVED, radius=RHO)
     for theta in np.arange(0.0, 20.0, 0.01):
-        lay.advance(float(theta), RISE * float(theta))
+        lay.advance(Place(float(theta), RISE * float(theta)))
     now = lay.estimate()
     # The bent end counts as half a millimetre long at least, which is left out of the law.
     assert now.z == pytest.approx(float(law.z(now.theta)), abs=2.0 * 5.0e-4 * RISE / RHO)
@@ -41,7 +41,7 @@ def test_a_bent_span_is_two_lags_in_a_row(bend: float) -> None:
     """A lag of L - l and one of l under an even feed, against the sum of their exponentials."""
     lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED))
     for theta in np.arange(0.01, 8.0, 0.01):
-        lay.advance(float(theta), RISE * float(theta), bend)
+        lay.advance(Place(float(theta), RISE * float(theta), bend))
     now = lay.estimate()
     far, near = (BELIEVED - bend) / RHO, bend / RHO
     share = far / (far - near)
@@ -66,8 +66,8 @@ def test_a_span_that_the_guide_reports_longer_is_followed_unseen() -> None:
         longer = 0.3 * BELIEVED * min(theta / (4.0 * math.pi), 1.0)
         z += (RISE * (theta - 0.5 * step) - z) * RHO / (BELIEVED + longer) * step
         if k % 20 == 0:
-            lay.advance(theta, RISE * theta, longer=longer)
-            unaware.advance(theta, RISE * theta)
+            lay.advance(Place(theta, RISE * theta, longer=longer))
+            unaware.advance(Place(theta, RISE * theta))
     # The bent end counts as half a millimetre long at least, which is left out of the law.
     assert lay.estimate().z == pytest.approx(z, abs=2.0 * 5.0e-4 * RISE / RHO)
     assert lay.estimate().free_length == pytest.approx(1.3 * BELIEVED)
@@ -79,7 +79,7 @@ def test_what_a_neighbour_holds_is_no_offset_of_the_eye(held: float) -> None:
     """The guide stands 3 mm nearer to the turn before than the cable that lies against it."""
     lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED))
     for theta in np.arange(0.01, 6.0, 0.01):
-        lay.advance(float(theta), -3.0e-3)
+        lay.advance(Place(float(theta), -3.0e-3))
         lay.measure(float(theta), 0.0, 5.0e-5, held=held)
     # A deviation of the eye on its carriage; a cable that nothing holds lies so because of it.
     assert (lay.estimate().offset < LayFilterConfig.sigma_offset) == (held > 0.0)
@@ -93,7 +93,7 @@ def test_a_free_length_that_misread_heights_have_led_astray_begins_anew() -> Non
     )
     lay = LayFilter(LayFilterConfig(radius=RHO, free_length=BELIEVED, gate=1.0e-3))
     for theta in np.arange(0.0, 16.0, 0.01).tolist():
-        lay.advance(theta, RISE * theta)
+        lay.advance(Place(theta, RISE * theta))
         law = misread if theta < 5.0 else true
         lay.measure(theta, float(law.z(theta)), 8.0e-5)
     now = lay.estimate()
@@ -123,8 +123,8 @@ def test_a_standing_or_backward_cylinder_lays_nothing() -> None:
     lay = filtered(0.198, delay=0.2, sigma=5.0e-5, until=6.0)
     before = lay.estimate()
     for guide in np.linspace(0.0, 0.1, 20):
-        lay.advance(before.theta, float(guide))
-        lay.advance(before.theta - 0.5, float(guide))
+        lay.advance(Place(before.theta, float(guide)))
+        lay.advance(Place(before.theta - 0.5, float(guide)))
     after = lay.estimate()
     assert (after.z, after.free_length) == (before.z, before.free_length)
 
@@ -152,7 +152,7 @@ def test_deviations_cover_the_errors() -> None:
             eye = RISE * (theta - 0.005) + offset
             z = eye + (z - eye) * math.exp(-(theta - before) * RHO / length)
             before = theta
-            lay.advance(float(theta), RISE * float(theta))
+            lay.advance(Place(float(theta), RISE * float(theta)))
             if theta > seen + 0.5:
                 seen = theta
                 lay.measure(float(theta), z + 1.0e-4 * rng.standard_normal(), 1.0e-4)
@@ -179,7 +179,7 @@ def test_heights_that_keep_coming_are_believed_after_half_a_turn() -> None:
     law = FleetAngleLaw(advance_per_radian=RISE, free_length=BELIEVED, radius=RHO)
     first, believed = lay.measured_to, math.inf
     for theta in np.arange(12.0, 18.0, 0.01):
-        lay.advance(float(theta), RISE * float(theta))
+        lay.advance(Place(float(theta), RISE * float(theta)))
         place = float(theta) - 0.3
         due = place > lay.measured_to + 0.0873
         if due and lay.measure(place, float(law.z(place)) + 0.02, 5.0e-5) is not None:

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from winding_core.cable.cases import published_markers
-from winding_core.error_verdict import CAMERA, PAPER_LIMIT_PCT, judge_lengths
+from winding_core.error_verdict import CAMERA, PAPER_LIMIT_PCT
 from winding_core.lay.errors import LayVerdict, WantedLine, judge, lay_errors, turn_errors
 from winding_core.lay.records import LAY_DTYPE, LayRecords, cable_lay
 from winding_core.markers import CABLE_DTYPE
-from winding_reports.records.run_record import MarkerRow
+from winding_reports.records.run_record import MarkerRow, judge_lengths
 
 PITCH, TURN = 18.0e-3, math.tau
 ADVANCE = PITCH / TURN

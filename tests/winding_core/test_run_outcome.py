@@ -1,29 +1,19 @@
 """How a run came out: what is called good, what is called failed, and which sentence is first."""
 
-from dataclasses import dataclass
-
 import pytest
 
-from winding_core.error_verdict import ErrorVerdict, judge_lengths
+from winding_core.error_verdict import ErrorVerdict
 from winding_core.lay.errors import LayVerdict
 from winding_core.run_outcome import Cause, EndedBy, Ending, Extent, Motion, RunOutcome, Stop
-
-
-@dataclass(frozen=True, kw_only=True)
-class Row:
-    id: int
-    s_fem: float | None
-    s_corrected: float | None = None
-    s_tracked: float | None = None
-    s_held_out: float | None = None
-    s_published: float | None = None
+from winding_reports.records.run_record import MarkerRow, judge_lengths
 
 
 def lengths(*errors_pct: float | None, ended: bool = True) -> ErrorVerdict:
     """Markers that lie, a corrected length for each; None where the camera saw none."""
     rows = [
-        Row(
+        MarkerRow(
             id=number,
+            original=0.1 * number,
             s_fem=0.1 * number,
             s_corrected=0.1 * number,
             s_tracked=None if error is None else 0.1 * number * (1.0 + 0.01 * error),

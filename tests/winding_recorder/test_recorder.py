@@ -27,7 +27,7 @@ from winding_ros import topics
 from winding_ros.client.async_client import AsyncClient
 from winding_ros.environment import child_environment
 from winding_ros.messages.diagnostics import decode_diagnostics
-from winding_ros.messages.rig import decode_joint_state, encode_joint_state, encode_tension
+from winding_ros.messages.rig import encode_joint_state, encode_tension
 from winding_ros.messages.stamps import decode_stamp, with_stamp
 from winding_ros.topic import Taken, Topic
 
@@ -193,7 +193,7 @@ def test_no_message_ends_the_recording(
         assert abs(found.publish_time - found.log_time) < 60 * 10**9
     else:
         assert found.publish_time == published
-    assert list(recorder.buffer.readings(topics.JOINT_STATES, decode_joint_state))[-1][0] == 7.5
+    assert list(recorder.buffer.readings(topics.JOINT_STATES))[-1][0] == 7.5
 
 
 def test_progress_does_not_go_back_when_a_topic_joins(ros: Any, tmp_path: Path) -> None:

@@ -6,12 +6,18 @@ import numpy as np
 import pytest
 
 from winding_core.cable.cases import Case, paper_case, published_markers
-from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
+from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.helix import PAPER_FREE_LENGTH, FleetAngleLaw, curve_length
 from winding_core.machine.drive import DriveProfile
 from winding_core.markers import MARKER_DTYPE
 from winding_core.run_outcome import Ending, Extent, RunOutcome
-from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecord, Signal
+from winding_reports.records.run_record import (
+    MarkerRow,
+    MarkerSeries,
+    RunRecord,
+    Signal,
+    judge_lengths,
+)
 
 sys.path.insert(0, str(Path(__file__).parent))
 

@@ -6,9 +6,9 @@ import pytest
 from printed_page import PrintedWord, missing_from_paper, outside_the_margins, printed_words
 
 from winding_core.cable.condition import Condition
-from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
+from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_reports.records.identity import Identity, condition_quantities
-from winding_reports.records.run_record import RunRecord, WoundCable
+from winding_reports.records.run_record import RunRecord, WoundCable, judge_lengths
 from winding_reports.run_report.report import write_report
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]

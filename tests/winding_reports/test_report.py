@@ -16,7 +16,7 @@ from report_page import ReportPage
 
 from winding_core.cable.cases import Case, paper_case
 from winding_core.cable.condition import Condition
-from winding_core.error_verdict import PAPER_LIMIT_PCT, judge_lengths
+from winding_core.error_verdict import PAPER_LIMIT_PCT
 from winding_core.markers import MARKER_DTYPE
 from winding_core.units import MILLIMETRE
 from winding_reports.documents.picture import MOST_POINTS, broken, thinned
@@ -25,6 +25,7 @@ from winding_reports.records.run_record import (
     MarkerRow,
     MarkerSeries,
     Signal,
+    judge_lengths,
     run_json,
     write_run_json,
 )

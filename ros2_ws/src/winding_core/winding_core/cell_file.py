@@ -46,16 +46,14 @@ class CellFile:
     """What a cell file states."""
 
     start: Place  # Its first line
-    values: Mapping[str, object] = field(default_factory=dict)  # By option
-    places: Mapping[str, Place] = field(default_factory=dict)  # Of options
-    sections: Mapping[str, Place] = field(default_factory=dict)  # Of the sections' names
-    # Section -> option -> value, for files in which sections share names of options.
-    by_section: dict[str, dict[str, object]] = field(default_factory=dict)
-    section_places: Mapping[tuple[str, str], Place] = field(default_factory=dict)  # Of these
+    by_section: dict[str, dict[str, object]]  # Section -> option -> value
+    sections: dict[str, Place] = field(default_factory=dict)  # Of the sections' names
+    places: dict[tuple[str, str], Place] = field(default_factory=dict)  # Of (section, option)
 
-    def place(self, section: str, key: str) -> Place:
-        """Return where an option of a section stands."""
-        return self.section_places[section, key]
+    @property
+    def values(self) -> dict[str, object]:
+        """Value by option, for files whose sections share no option."""
+        return {key: self.by_section[section][key] for section, key in self.places}
 
 
 class _CellLoader(PlainLoader):
@@ -106,26 +104,15 @@ def read_cell(path: Path, known: Known) -> CellFile:
 
 def parse_cell(text: str, start: Place, known: Known) -> CellFile:
     """Return what the text of a cell file states; see `read_cell`."""
-    values: dict[str, object] = {}
-    places: dict[str, Place] = {}
-    sections: dict[str, Place] = {}
-    by_section: dict[str, dict[str, object]] = {name: {} for name in known}
-    section_places: dict[tuple[str, str], Place] = {}
+    found = CellFile(start=start, by_section={name: {} for name in known})
     for name, node, place in _pairs(_composed(text, start), start.file, "a cell file"):
         _check_name(name, "", known, place)
-        sections[name] = place
+        found.sections[name] = place
         for key, value, at in _pairs(node, start.file, f"section {name}"):
             _check_name(key, name, known, at)
-            places[key] = section_places[name, key] = _place(value.start_mark, start.file)
-            values[key] = by_section[name][key] = _value(value, key, start.file)
-    return CellFile(
-        start=start,
-        values=values,
-        places=places,
-        sections=sections,
-        by_section=by_section,
-        section_places=section_places,
-    )
+            found.places[name, key] = _place(value.start_mark, start.file)
+            found.by_section[name][key] = _value(value, key, start.file)
+    return found
 
 
 def cell_text(given: Mapping[str, Mapping[str, object]]) -> str:

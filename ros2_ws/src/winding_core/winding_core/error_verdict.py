@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 from winding_core.cable.cases import length_error_pct
 from winding_core.parameters import parameter
-from winding_core.units import PLAIN
+from winding_core.units import PLAIN, json_values
 
 # Mean of Table 8: what the paper's correction leaves of its own 45 lengths (4.81 %).
 PAPER_LIMIT_PCT = 4.8
@@ -29,34 +29,6 @@ class ErrorLimit:
         1.0e3,
         read_only=False,
     )
-
-
-class Lengths(Protocol):
-    """Lengths of one marker [m]; None where there is none."""
-
-    @property
-    def id(self) -> int:
-        """N of Pn."""
-
-    @property
-    def s_fem(self) -> float | None:
-        """Predicted."""
-
-    @property
-    def s_corrected(self) -> float | None:
-        """Predicted and corrected."""
-
-    @property
-    def s_held_out(self) -> float | None:
-        """Corrected by a factor that was learned without this case."""
-
-    @property
-    def s_tracked(self) -> float | None:
-        """Measured by the camera."""
-
-    @property
-    def s_published(self) -> float | None:
-        """Measured in the paper's experiment."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -172,19 +144,16 @@ class ErrorVerdict:
         """Return the verdict as JSON values; null where there is no number."""
         worst, held_out = self.worst, self.worst_held_out
         return {
-            "good": self.good,
-            "whole": self.whole,
-            "sentence": self.sentence,
+            **json_values(self, "good", "whole", "sentence", "limit_pct", "against"),
             "held_out_sentence": self.held_out_sentence or None,
-            "limit_pct": self.limit_pct,
-            "against": self.against,
             "largest_error_pct": None if worst is None else worst.corrected,
             "marker": None if worst is None else worst.id,
             "largest_error_held_out_pct": None if held_out is None else held_out.held_out,
             "marker_held_out": None if held_out is None else held_out.id,
-            "compared": [item.id for item in self.compared],
-            "helped": [item.id for item in self.helped],
-            "worse": [item.id for item in self.worse],
+            **{
+                name: [item.id for item in getattr(self, name)]
+                for name in ("compared", "helped", "worse")
+            },
             "markers": [
                 {
                     "id": item.id,
@@ -195,43 +164,6 @@ class ErrorVerdict:
                 for item in self.errors
             ],
         }
-
-
-def judge_lengths(
-    rows: Sequence[Lengths],
-    limit_pct: float,
-    *,
-    published: bool,
-    asked: int | None = None,
-    ended: bool = True,
-) -> ErrorVerdict:
-    """Return what the lengths of a run are worth.
-
-    Args:
-        rows: Of every marker.
-        limit_pct: Largest error that counts as good [%].
-        published: Whether the paper's experiment is the measure; else the run's own camera.
-        asked: How many of them were to be judged; None for those with a predicted length.
-        ended: Whether the run came to its end.
-    """
-    errors = []
-    for row in rows:
-        measured = row.s_published if published else row.s_tracked
-        errors.append(
-            MarkerError(
-                id=row.id,
-                predicted=error_pct(measured, row.s_fem),
-                corrected=error_pct(measured, row.s_corrected),
-                held_out=error_pct(measured, row.s_held_out),
-            )
-        )
-    return ErrorVerdict(
-        limit_pct=limit_pct,
-        against=EXPERIMENT if published else CAMERA,
-        errors=tuple(errors),
-        asked=sum(row.s_fem is not None for row in rows) if asked is None else asked,
-        ended=ended,
-    )
 
 
 def error_pct(measured: float | None, predicted: float | None) -> float | None:

@@ -286,6 +286,14 @@ def typed_values(
     return values
 
 
+def typed_record(
+    configuration: type[Configuration], typed: Mapping[str, object], spelling: Spelling = str
+) -> Configuration:
+    """Return a configuration of what was typed; see `typed_values`."""
+    values: dict[str, Any] = typed_values(configuration, typed, spelling)
+    return configuration(**values)
+
+
 def _listed(item: Declaration, value: object) -> object:
     """Return the numbers of a list that was typed as text, and the text of a path."""
     if isinstance(value, os.PathLike):

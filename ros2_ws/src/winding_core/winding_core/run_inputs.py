@@ -19,21 +19,8 @@ from winding_core.parameters import parameter
 
 # t [s], both axes and guide as in AxisReading, tension [N]; nan where no tension had been read
 # yet, and where the guide keeps its place.
-INPUT_DTYPE = np.dtype(
-    [
-        (name, "<f8")
-        for name in (
-            "t",
-            "cylinder_angle",
-            "angular_speed",
-            "carriage_position",
-            "feed_speed",
-            "tension",
-            "guide_x",
-            "guide_y",
-        )
-    ]
-)
+AXES = ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed")
+INPUT_DTYPE = np.dtype([(name, "<f8") for name in ("t", *AXES, "tension", "guide_x", "guide_y")])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,10 +77,7 @@ class RunInputs:
             yield (
                 float(sample["t"]),
                 AxisReading(
-                    cylinder_angle=float(sample["cylinder_angle"]),
-                    angular_speed=float(sample["angular_speed"]),
-                    carriage_position=float(sample["carriage_position"]),
-                    feed_speed=float(sample["feed_speed"]),
+                    **{name: float(sample[name]) for name in AXES},
                     guide=None if np.isnan(x) else GuidePlace(x=x, y=float(sample["guide_y"])),
                 ),
                 None if np.isnan(tension) else tension,
@@ -173,19 +157,7 @@ class RunHistory:
         # Half a millisecond early, so that rounding never makes a sample late.
         self._due = t + self._step - 5.0e-4
         guide = reading.guide or _KEPT
-        self._rows.append(
-            (
-                t,
-                reading.cylinder_angle,
-                reading.angular_speed,
-                reading.carriage_position,
-                reading.feed_speed,
-                self._pulls,
-                self._pull_count,
-                guide.x,
-                guide.y,
-            )
-        )
+        self._rows.append((t, *reading.numbers, self._pulls, self._pull_count, guide.x, guide.y))
         self._pulls, self._pull_count = 0.0, 0
 
 

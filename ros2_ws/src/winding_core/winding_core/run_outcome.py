@@ -8,6 +8,7 @@ from typing import Any
 
 from winding_core.error_verdict import ErrorVerdict
 from winding_core.lay.errors import LayVerdict
+from winding_core.units import json_values
 
 
 class EndedBy(StrEnum):
@@ -140,12 +141,7 @@ class Extent:
 
     def as_json(self) -> dict[str, float | int | None]:
         """Return JSON values in SI units."""
-        return {
-            "turns": self.turns,
-            "time_s": self.time,
-            "length_m": self.length,
-            "markers": self.markers,
-        }
+        return json_values(self, "turns", "time_s", "length_m", "markers")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -210,17 +206,14 @@ class RunOutcome:
             "verdict": self.verdict.value,
             "complete": self.complete,
             "ended_by": self.ending.by.value,
-            "cause": None
-            if cause is None
-            else {"source": cause.source, "text": cause.text, "t_s": cause.t},
+            "cause": None if cause is None else json_values(cause, "source", "text", "t_s"),
             "machine": self.ending.machine.value,
             "asked": self.asked.as_json(),
             "done": self.done.as_json(),
             "sentences": list(self.sentences),
             "stops": [asdict(stop) for stop in self.ending.stops],
             "events": [
-                {"t_s": item.t, "what": item.what, "node": item.node, "text": item.text}
-                for item in self.ending.events
+                json_values(item, "t_s", "what", "node", "text") for item in self.ending.events
             ],
             "losses": list(self.losses),
         }

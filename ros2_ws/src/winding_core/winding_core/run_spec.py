@@ -22,9 +22,9 @@ from winding_core.parameters import (
     ParameterError,
     Spelling,
     Value,
-    build,
     options,
     refuse_unknown,
+    typed_record,
     typed_values,
 )
 
@@ -90,7 +90,7 @@ class Source:
             return None
         if name.endswith(":"):
             return self.cell.sections.get(name[:-1], self.cell.start)
-        return self.cell.places.get(name)
+        return self.cell.places.get((SECTION_OF.get(name, ""), name))
 
     def name(self, key: str) -> str:
         """Return how a sentence names an option."""
@@ -360,7 +360,7 @@ def _section(name: str, given: Mapping[str, object], source: Source) -> Any:
             return Condition.from_typed(keys, spelling=source.name, case=case)
         if record is DrumParameters:
             return DrumParameters.from_options(keys, spelling=source.name)
-        built: Any = build(record, typed_values(record, keys, source.name), owner="a run")
+        built: object = typed_record(record, keys, source.name)
         if isinstance(built, MarkerLook):
             _ = built.hues
         return built

@@ -2,6 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+Value = TypeVar("Value")
 
 # One such unit in SI.
 MILLIMETRE = 1.0e-3
@@ -36,9 +40,25 @@ class Unit:
         return float(f"{value / self.scale:.12g}")
 
 
-def known(value: float | None) -> float | None:
-    """Return a number, or None in place of one that is not finite, which JSON has not."""
-    return None if value is None or not math.isfinite(value) else float(value)
+def known(value: Value) -> Value | None:
+    """Return a value, or None in place of a number that is not finite, which JSON has not."""
+    if not isinstance(value, Real) or isinstance(value, Integral):
+        return value
+    number: Any = float(value)
+    return number if math.isfinite(number) else None
+
+
+def json_values(record: object, *keys: str) -> dict[str, Any]:
+    """Return attributes of a record as JSON values, None for a number that is not finite.
+
+    Args:
+        record: Has the attributes.
+        keys: Each an attribute, or one with its unit behind it, such as `theta_rad` of `theta`.
+    """
+    return {
+        key: known(getattr(record, key if hasattr(record, key) else key.rpartition("_")[0]))
+        for key in keys
+    }
 
 
 PLAIN = Unit()

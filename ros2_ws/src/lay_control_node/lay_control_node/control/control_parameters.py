@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from lay_control_node.control.guide_law import AxisBounds, GuideLaw, WantedLay
+from lay_control_node.control.guide_law import GuideLaw, WantedLay
 from lay_control_node.control.landing_law import LandingLaw, PullBounds
 from lay_control_node.control.lay_controller import ControllerConfig, LayController
 from lay_control_node.control.lay_filter import LayFilter, LayFilterConfig
@@ -16,6 +16,8 @@ from winding_core.lay.layers import HEIGHT_TOLERANCE, WoundDrum
 from winding_core.lay.limits import GuideBounds
 from winding_core.lay.records import ControlMode
 from winding_core.lay.rounding import OF_FRICTION
+from winding_core.machine.commanded_axis import MotionLimits
+from winding_core.machine.commands import CARRIAGE
 from winding_core.machine.tension import RigTension
 from winding_core.parameters import parameter
 
@@ -135,7 +137,8 @@ class ControlParameters(GuideBounds):
             config=ControllerConfig(
                 advance_per_radian=what.drive.advance_per_radian,
                 bending_stiffness=case.bending_stiffness,
-                guide=AxisBounds(
+                guide=MotionLimits(
+                    name=CARRIAGE,
                     low=self.guide_travel[0],
                     high=self.guide_travel[1],
                     speed=self.guide_speed_limit,

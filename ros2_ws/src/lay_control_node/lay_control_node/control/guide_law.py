@@ -15,6 +15,7 @@ from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
 from winding_core.lay.rounding import rounded_for
 from winding_core.lay.smoothed_line import SmoothedLine
+from winding_core.machine.commanded_axis import MotionLimits
 
 Array = NDArray[np.float64]
 
@@ -97,7 +98,8 @@ class GuideLaw:
         slope = wanted.slope + near * wanted.curvature
         missing = wanted.z + near * wanted.slope - lay.headed
         goal = slope + self._made_up(missing)
-        turn = _within(wanted.curvature + 4.0 * self.gain * (goal - heading), self.turning)
+        turn = wanted.curvature + 4.0 * self.gain * (goal - heading)
+        turn = min(max(turn, -self.turning), self.turning)
         per_radian = heading + far * turn
         return GuideCommand(position=guide + per_radian * max(turned, 0.0), per_radian=per_radian)
 
@@ -110,10 +112,6 @@ class GuideLaw:
         return math.copysign(
             math.sqrt(2.0 * braking * abs(missing) - (braking / gain) ** 2), missing
         )
-
-
-def _within(value: float, most: float) -> float:
-    return min(max(value, -most), most)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -165,23 +163,6 @@ class WantedProgram:
 _STOPPING_SHARE = 0.8
 
 
-@dataclass(frozen=True, kw_only=True)
-class AxisBounds:
-    """What the machine allows an axis [SI]."""
-
-    low: float  # Start of its travel
-    high: float  # End of its travel
-    speed: float  # Largest speed
-    acceleration: float  # Largest acceleration
-
-    def __post_init__(self) -> None:
-        if not self.low < self.high:
-            raise ValueError(f"travel must end above its start, got {self.low} to {self.high} m")
-        for name in ("speed", "acceleration"):
-            if not getattr(self, name) > 0.0:
-                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
-
-
 class BoundedMotion:
     """A setpoint that follows what is wanted as fast as the bounds allow.
 
@@ -191,9 +172,9 @@ class BoundedMotion:
         speed: How fast it goes then.
     """
 
-    def __init__(self, bounds: AxisBounds, position: float, speed: float) -> None:
+    def __init__(self, bounds: MotionLimits, position: float, speed: float) -> None:
         self.bounds = bounds
-        self.position = min(max(position, bounds.low), bounds.high)  # Setpoint, within the travel
+        self.position = bounds.within(position)  # Setpoint, within the travel
         self.speed = min(max(speed, -bounds.speed), bounds.speed)  # Its rate
         self.limited = False  # Whether the last step fell short of what was wanted
         self._low, self._high = bounds.low, bounds.high
@@ -205,8 +186,8 @@ class BoundedMotion:
         """
         bounds = self.bounds
         reach += self.speed**2 / (2.0 * _STOPPING_SHARE * bounds.acceleration)
-        self._low = min(max(bounds.low, position - reach), bounds.high)
-        self._high = max(min(bounds.high, position + reach), bounds.low)
+        self._low = bounds.within(position - reach)
+        self._high = bounds.within(position + reach)
 
     def follow(self, position: float, speed: float, dt: float) -> None:
         """Move on by dt [s] towards a wanted position and its rate at the end of the step."""
@@ -244,6 +225,5 @@ class BoundedMotion:
         return min(max(goal, self.speed - most), self.speed + most)
 
     def _move(self, speed: float, dt: float) -> None:
-        bounds = self.bounds
-        self.position = min(max(self.position + speed * dt, bounds.low), bounds.high)
+        self.position = self.bounds.within(self.position + speed * dt)
         self.speed = speed

@@ -6,18 +6,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from lay_control_node.control.guide_law import (
-    AxisBounds,
-    BoundedMotion,
-    GuideLaw,
-    WantedLay,
-    WantedPoint,
-)
+from lay_control_node.control.guide_law import BoundedMotion, GuideLaw, WantedLay, WantedPoint
 from lay_control_node.control.landing_law import LandingLaw
-from lay_control_node.control.lay_filter import LayEstimate, LayFilter
+from lay_control_node.control.lay_filter import LayEstimate, LayFilter, Place
 from lay_control_node.control.layer_watch import LayerWatch
 from lay_control_node.control.stretch_filter import StretchEstimate, StretchFilter
 from winding_core.lay.records import ControlBasis, ControlMode, LayFlag, LayRecords
+from winding_core.machine.commanded_axis import MotionLimits
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import Markers
 
@@ -97,7 +92,7 @@ class ControllerConfig:
 
     advance_per_radian: float  # Guide advance of the drive programme [m/rad]
     bending_stiffness: float  # EI of the cable [N m^2]
-    guide: AxisBounds  # Bounds of the carriage
+    guide: MotionLimits  # Of the carriage
     # Wound angle without a measured height after which the lay counts as unseen [rad].
     unseen_angle: float = 3.0 * math.pi
     # How far off its layer's height a place may be seen that counts [m].
@@ -249,10 +244,11 @@ class LayController:
         if reading.guide is not None:
             known = self.lay.config
             longer = reading.guide.free_length(known.radius) - known.free_length
+        place = Place(theta, guide, bend, wanted.raised, longer)
         if self._before is None and theta > UNWOUND:
-            self.lay.join(theta, guide, wanted.slope, bend, wanted.raised, longer)
+            self.lay.join(place, wanted.slope)
             self.stretch.join(theta)
-        self.lay.advance(theta, guide, bend, wanted.raised, longer)
+        self.lay.advance(place)
         self.stretch.advance(theta, pull, wanted.slope)
 
     def _bend_length(self, theta: float, pull: float) -> float:

@@ -2,7 +2,8 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,23 +70,31 @@ class LayEstimate:
         return math.sqrt(self.covariance[LENGTH, LENGTH])
 
 
+class Place(NamedTuple):
+    """Where the machine stands while it lays, and how the span runs there."""
+
+    theta: float  # Wound angle [rad]
+    guide: float  # Reading of the carriage [m]
+    bend: float = 0.0  # Length l over which the end of the span is bent [m]
+    raised: float = 0.0  # Height of the cable above that on the bare cylinder [m]
+    longer: float = 0.0  # What the guide's reported place adds to the configured free length [m]
+
+
 @dataclass(kw_only=True)
 class _State:
-    """Mean (4,), covariance (4, 4), wound angle [rad] and guide [m] up to which they hold.
+    """Mean (4,), covariance (4, 4), and the place up to which they hold.
 
     Of the mean the free length is that from the bare cylinder, where the guide has its configured
-    distance; `raised` is the height of the cable above the cylinder [m], `longer` by how much a
-    guide off that distance makes the span longer [m].
+    distance.
     """
 
     mean: Array
     covariance: Array
-    theta: float
-    guide: float
-    bend: float
-    raised: float = 0.0
-    longer: float = 0.0
+    at: Place
     heading: float = 0.0
+
+    def copied(self) -> Self:
+        return replace(self, mean=self.mean.copy(), covariance=self.covariance.copy())
 
 
 class LayFilter:
@@ -109,78 +118,48 @@ class LayFilter:
         self._seen = _State(
             mean=np.array([0.0, 0.0, config.free_length, 0.0]),
             covariance=np.diag(variances),
-            theta=0.0,
-            guide=0.0,
-            bend=_LEAST_BEND,
+            at=Place(0.0, 0.0, _LEAST_BEND),
         )
-        self._now = self._copied(self._seen)
-        self._since: deque[tuple[float, float, float, float, float]] = deque()
+        self._now = self._seen.copied()
+        self._since: deque[Place] = deque()
         self._refused_from: float | None = None
 
-    def join(
-        self,
-        theta: float,
-        guide: float,
-        slope: float,
-        bend: float,
-        raised: float = 0.0,
-        longer: float = 0.0,
-    ) -> None:
+    def join(self, place: Place, slope: float) -> None:
         """Begin in mid-run, with a cable that has followed an even guide for long.
 
         Where it lands is known no better than that.
 
         Args:
-            theta: Wound angle [rad].
-            guide: Reading of the carriage [m].
+            place: Of the machine now.
             slope: dz/dtheta of the lay [m/rad].
-            bend: Length l over which the end of the span is bent [m].
-            raised: Height of the cable above that on the bare cylinder [m].
-            longer: What the guide's reported place adds to the configured free length [m].
         """
-        config = self.config
-        radius, span = config.radius + raised, self._span(config.free_length + longer, raised)
-        z = guide - slope * span / radius
-        bend = min(max(bend, _LEAST_BEND), _MOST_BEND * span)
+        config, raised = self.config, place.raised
+        radius = config.radius + raised
+        span = self._span(config.free_length + place.longer, raised)
+        z = place.guide - slope * span / radius
+        bend = min(max(place.bend, _LEAST_BEND), _MOST_BEND * span)
         near = slope * bend / radius
         variances = (_UNKNOWN**2, _UNKNOWN**2, config.sigma_length**2, config.sigma_offset**2)
         self._seen = _State(
             mean=np.array([z, z + near, config.free_length, 0.0]),
             covariance=np.diag(variances),
-            theta=theta,
-            guide=guide,
-            bend=bend,
-            raised=raised,
-            longer=longer,
+            at=place._replace(bend=bend),
         )
-        self._now = self._copied(self._seen)
+        self._now = self._seen.copied()
         self._since.clear()
 
-    def advance(
-        self,
-        theta: float,
-        guide: float,
-        bend: float = 0.0,
-        raised: float = 0.0,
-        longer: float = 0.0,
-    ) -> None:
-        """Carry the estimate on to a wound angle [rad] at which the carriage reads `guide` [m].
+    def advance(self, place: Place) -> None:
+        """Carry the estimate on to a place of the machine.
 
         Angles that are not ahead are passed over: a cylinder that turns back lays nothing.
-
-        Args:
-            theta: Wound angle [rad].
-            guide: Reading of the carriage [m].
-            bend: Length l over which the end of the span is bent [m].
-            raised: Height of the cable above that on the bare cylinder [m].
-            longer: What the guide's reported place adds to the configured free length [m].
         """
-        if theta < self._now.theta + _STEP:
-            if theta <= self._now.theta:
-                self._now.guide = guide
+        before = self._now.at
+        if place.theta < before.theta + _STEP:
+            if place.theta <= before.theta:
+                self._now.at = before._replace(guide=place.guide)
             return
-        place = (theta, guide, max(bend, _LEAST_BEND), raised, longer)
-        self._carry(self._now, *place)
+        place = place._replace(bend=max(place.bend, _LEAST_BEND))
+        self._carry(self._now, place)
         self._since.append(place)
 
     def measure(
@@ -198,12 +177,13 @@ class LayFilter:
             too far off to be true, such as that of another turn.
         """
         seen = self._seen
-        if not (seen.theta < theta <= self._now.theta and math.isfinite(z) and sigma > 0.0):
+        if not (seen.at.theta < theta <= self._now.at.theta and math.isfinite(z) and sigma > 0.0):
             return None
-        while self._since and self._since[0][0] <= theta:
-            self._carry(seen, *self._since.popleft())
+        while self._since and self._since[0].theta <= theta:
+            self._carry(seen, self._since.popleft())
         if self._since:
-            self._carry(seen, theta, self._between(theta), *self._since[0][2:])
+            between = self._since[0]._replace(theta=theta, guide=self._between(theta))
+            self._carry(seen, between)
         innovation = z - seen.mean[Z]
         if held * innovation > 0.0:
             return None
@@ -219,9 +199,9 @@ class LayFilter:
         seen.mean = seen.mean + gain * innovation
         seen.covariance = seen.covariance - np.outer(gain, column)
         self._bound(seen)
-        self._now = self._copied(seen)
+        self._now = seen.copied()
         for place in self._since:
-            self._carry(self._now, *place)
+            self._carry(self._now, place)
         return score
 
     def _is_outlier(self, theta: float, innovation: float, spread: float) -> bool:
@@ -245,19 +225,19 @@ class LayFilter:
     @property
     def measured_to(self) -> float:
         """Wound angle up to which cable has been measured [rad]."""
-        return self._seen.theta
+        return self._seen.at.theta
 
     def estimate(self) -> LayEstimate:
         """Return the lay now."""
-        state = self._now
+        state, at = self._now, self._now.at
         z, headed, length, offset = map(float, state.mean)
-        length = self._span(length + state.longer, state.raised)
+        length = self._span(length + at.longer, at.raised)
         return LayEstimate(
-            theta=state.theta,
+            theta=at.theta,
             z=z,
             headed=headed,
             free_length=length,
-            bend_length=min(state.bend, _MOST_BEND * length),
+            bend_length=min(at.bend, _MOST_BEND * length),
             offset=offset,
             covariance=state.covariance.copy(),
         )
@@ -267,13 +247,12 @@ class LayFilter:
         radius = self.config.radius
         return math.sqrt(max(length**2 - raised * (2.0 * radius + raised), _LEAST_BEND**2))
 
-    def _carry(
-        self, state: _State, theta: float, guide: float, bend: float, raised: float, longer: float
-    ) -> None:
-        config = self.config
-        step = theta - state.theta
-        moved = guide - state.guide
-        middle = 0.5 * (guide + state.guide)
+    def _carry(self, state: _State, place: Place) -> None:
+        config, before = self.config, state.at
+        theta, guide, bend, raised, longer = place
+        step = theta - before.theta
+        moved = guide - before.guide
+        middle = 0.5 * (guide + before.guide)
         z, headed, length, offset = map(float, state.mean)
         turned = step * (config.radius + raised)
         span = self._span(length + longer, raised)
@@ -294,13 +273,12 @@ class LayFilter:
         if moved:
             state.heading = moved
         state.covariance = change @ state.covariance @ change.T + np.diag(noise)
-        state.theta, state.guide, state.bend, state.raised = theta, guide, bend, raised
-        state.longer = longer
+        state.at = place
 
     def _between(self, theta: float) -> float:
         """Return the carriage's reading [m] at an angle between the last one taken and the next."""
         later, guide, *_ = self._since[0]
-        seen = self._seen
+        seen = self._seen.at
         share = (theta - seen.theta) / (later - seen.theta)
         return seen.guide + share * (guide - seen.guide)
 
@@ -308,19 +286,6 @@ class LayFilter:
         """Keep the free length within what a machine can be: half to twice of the prior."""
         prior = self.config.free_length
         state.mean[LENGTH] = min(max(state.mean[LENGTH], 0.5 * prior), 2.0 * prior)
-
-    @staticmethod
-    def _copied(state: _State) -> _State:
-        return _State(
-            mean=state.mean.copy(),
-            covariance=state.covariance.copy(),
-            theta=state.theta,
-            guide=state.guide,
-            bend=state.bend,
-            raised=state.raised,
-            longer=state.longer,
-            heading=state.heading,
-        )
 
 
 def _kept(length: float, turned: float, bend: float) -> tuple[float, float, float]:

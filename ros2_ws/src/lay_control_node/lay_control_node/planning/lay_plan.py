@@ -15,7 +15,7 @@ from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
 from winding_core.lay.rounding import Corner
-from winding_core.units import known
+from winding_core.units import json_values
 
 Array = NDArray[np.float64]
 
@@ -163,22 +163,13 @@ def plan_record(plan: LayPlan) -> dict[str, Any]:
             for theta, wanted, predicted, without in turns
         ],
         "corners": [
-            {
-                "theta_rad": item.theta,
-                "rounding_m": item.rounding,
-                "rounding_at_half_speed_m": item.rounding_at_half_speed,
-            }
+            json_values(item, "theta_rad", "rounding_m", "rounding_at_half_speed_m")
             for item in plan.corners
         ],
         "markers": [
-            {
-                "id": item.number,
-                "wanted_rad": known(item.wanted),
-                "predicted_rad": known(item.predicted),
-                "pull_n": item.pull,
-                "earliest_rad": known(item.earliest),
-                "latest_rad": known(item.latest),
-            }
+            {"id": item.number}
+            | json_values(item, "wanted_rad", "predicted_rad", "pull_n")
+            | json_values(item, "earliest_rad", "latest_rad")
             for item in plan.landings
         ],
         "out_of_reach": list(plan.sentences),

@@ -74,7 +74,7 @@ class PullPlanner:
         """Return the pulls that land markers at wanted angles [rad], as far as they reach."""
         case = self._cable.what.case
         commanded = self._given.copy()
-        actual = self._followed(commanded, case.weight)
+        actual = self._from(commanded, 0, case.weight)
         begin = 0
         reached = {}
         if self._reach is not None:
@@ -138,16 +138,13 @@ class PullPlanner:
                 high = middle
         return 0.5 * (low + high), early, late
 
-    def _followed(self, commanded: Array, start: float) -> Array:
-        """Return the pull of the brake [N], shape (n,), from `start` [N] on."""
-        return self._from(commanded, 0, start)
-
     def _joined(self, commanded: Array, actual: Array, begin: int) -> Array:
         """Return the pull with that from a sample on anew [N], shape (n,)."""
         after = self._from(commanded[begin:], begin, float(actual[begin]))
         return np.concatenate([actual[:begin], after])
 
     def _from(self, commanded: Array, begin: int, start: float) -> Array:
+        """Return the pull of the brake [N] from a sample and a pull [N] on, shape (m,)."""
         if self._brake_time == 0.0 or self._reach is None:
             return commanded.copy()
         kept = np.exp(-np.diff(self._track.t[begin:]) / self._brake_time)

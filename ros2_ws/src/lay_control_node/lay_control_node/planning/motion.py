@@ -152,24 +152,14 @@ def _smooth_below(cap: Array, reach: int) -> Array:
     """Return the cap smoothed by a cubic kernel, nowhere above it, shape (n,)."""
     if (cap >= 1.0).all():
         return cap
+    from scipy.ndimage import minimum_filter1d  # noqa: PLC0415
+
     box = max(1, reach // 2)
-    low = _running_min(cap, 2 * box + 1)
+    low: Array = minimum_filter1d(cap, 2 * (2 * box + 1) + 1, mode="nearest")
     for _ in range(4):
         sums = np.cumsum(np.pad(low, (box // 2 + 1, box - 1 - box // 2), mode="edge"))
         low = np.minimum((sums[box:] - sums[:-box]) / box, 1.0)
     return np.asarray(np.maximum(low, 0.1 * _LEAST))
-
-
-def _running_min(values: Array, half: int) -> Array:
-    """Return the smallest of each value and `half` neighbours to either side, shape (n,)."""
-    width = 2 * half + 1
-    padded = np.pad(values, half, mode="edge")
-    count = -(-padded.size // width)
-    padded = np.pad(padded, (0, count * width - padded.size), constant_values=np.inf)
-    blocks = padded.reshape(count, width)
-    forward = np.minimum.accumulate(blocks, axis=1).ravel()
-    backward = np.minimum.accumulate(blocks[:, ::-1], axis=1)[:, ::-1].ravel()
-    return np.minimum(backward[: values.size], forward[width - 1 : width - 1 + values.size])
 
 
 STEEPEST = 1.5  # Largest slope of the smooth ramp, over that of a straight one

@@ -6,6 +6,7 @@ neither a lag nor a stretch. Times and feed rates are ignored: the plan has its 
 
 import math
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
@@ -62,17 +63,15 @@ _TINY = 1.0e-9
 
 @dataclass(kw_only=True)
 class _Machine:
-    """Where the program has taken the machine: `x` [m] and `a` [rad], and its modes."""
+    """Where the program has taken the axes X [m] and A [rad], and its modes."""
 
-    name: str
-    x: float = 0.0
-    a: float = 0.0
-    unit: float = MILLIMETRE
-    absolute: bool = True
-    zero_x: float = 0.0
-    zero_a: float = 0.0
-    moving: bool = False
-    ignored: dict[str, int] = field(default_factory=dict)
+    # By axis: its place, where the program's zero lies, and one of the program's units in SI.
+    at: dict[str, float] = field(default_factory=lambda: {"X": 0.0, "A": 0.0})
+    zero: dict[str, float] = field(default_factory=lambda: {"X": 0.0, "A": 0.0})
+    unit: dict[str, float] = field(default_factory=lambda: {"X": MILLIMETRE, "A": _DEGREE})
+    absolute: bool = True  # Whether places are counted from that zero
+    moving: bool = False  # Whether G0 or G1 has been read
+    ignored: Counter[str] = field(default_factory=Counter)  # What is not used
 
 
 def parse_gcode(text: str, *, radius: float, name: str) -> LayProgram:
@@ -88,21 +87,21 @@ def parse_gcode(text: str, *, radius: float, name: str) -> LayProgram:
     Raises:
         LayProgramError: A line asks for what is not read, or for cable that cannot lie so.
     """
-    machine = _Machine(name=name)
+    machine = _Machine()
     points = PointList(radius=radius)
     sense, start = 0.0, (0.0, 0.0)
     remarks = []
     for number, words in words_of(text, name):
         place = f"line {number} of {name}"
-        x, a = machine.x, machine.a
+        x, a = machine.at["X"], machine.at["A"]
         if _take(machine, words, place):
             break
-        turned, went = machine.a - a, machine.x - x
+        turned, went = machine.at["A"] - a, machine.at["X"] - x
         if abs(turned) <= _TINY:
             if abs(went) > _TINY and sense:
-                points_end = "the carriage moves while the mandrel stands"
                 raise LayProgramError(
-                    f"{place}: {points_end} ({went / MILLIMETRE:.4g} mm): no cable lies so"
+                    f"{place}: the carriage moves while the mandrel stands "
+                    f"({went / MILLIMETRE:.4g} mm): no cable lies so"
                 )
             continue
         if not sense:
@@ -118,7 +117,8 @@ def parse_gcode(text: str, *, radius: float, name: str) -> LayProgram:
             raise LayProgramError(
                 f"{place}: the mandrel turns back by {abs(turned) / _DEGREE:.4g} degrees"
             )
-        points.add(sense * (machine.a - start[1]), machine.x - start[0], math.nan, place)
+        z = machine.at["X"] - start[0]
+        points.add(sense * (machine.at["A"] - start[1]), z, math.nan, place)
     if not sense:
         raise LayProgramError(f"{name} never turns the mandrel (A)")
     if machine.ignored:
@@ -139,20 +139,21 @@ def _take(machine: _Machine, words: list[Word], place: str) -> bool:
         elif letter == "M":
             if value in _ENDS:
                 return True
-            _ignore(machine, f"M{value:g}")
+            machine.ignored[f"M{value:g}"] += 1
         elif letter in "XA":
             if letter in axes:
                 raise LayProgramError(f"{place} has {letter} twice")
             axes[letter] = value
         elif letter in _IGNORED:
-            _ignore(machine, _IGNORED[letter])
+            machine.ignored[_IGNORED[letter]] += 1
         else:
             raise LayProgramError(
                 f"{place} has {letter}{value:g}; X is the carriage and A the mandrel's angle, "
                 "B may turn the head, and nothing else is read"
             )
     if sets_place:
-        _set_place(machine, axes)
+        for axis, value in axes.items():
+            machine.zero[axis] = machine.at[axis] - machine.unit[axis] * value
     elif axes:
         _move(machine, axes, place)
     return False
@@ -163,13 +164,13 @@ def _mode(machine: _Machine, code: float, place: str) -> bool:
     if code in (0.0, 1.0):
         machine.moving = True
     elif code in (20.0, 21.0):
-        machine.unit = INCH if code == 20.0 else MILLIMETRE
+        machine.unit["X"] = INCH if code == 20.0 else MILLIMETRE
     elif code in (90.0, 91.0):
         machine.absolute = code == 90.0
     elif code == 92.0:
         return True
     elif code == 4.0:
-        _ignore(machine, "pauses G4")
+        machine.ignored["pauses G4"] += 1
     elif code not in _WITHOUT_EFFECT:
         raise LayProgramError(f"{place} has G{code:g}; read are G0, G1, G20, G21, G90, G91 and G92")
     return False
@@ -178,22 +179,8 @@ def _mode(machine: _Machine, code: float, place: str) -> bool:
 def _move(machine: _Machine, axes: dict[str, float], place: str) -> None:
     if not machine.moving:
         raise LayProgramError(f"{place} moves before any G0 or G1")
-    if "X" in axes:
-        base = machine.zero_x if machine.absolute else machine.x
-        machine.x = base + machine.unit * axes["X"]
-    if "A" in axes:
-        base = machine.zero_a if machine.absolute else machine.a
-        machine.a = base + _DEGREE * axes["A"]
-    if not (math.isfinite(machine.x) and math.isfinite(machine.a)):
+    base = machine.zero if machine.absolute else machine.at
+    for axis, value in axes.items():
+        machine.at[axis] = base[axis] + machine.unit[axis] * value
+    if not all(map(math.isfinite, machine.at.values())):
         raise LayProgramError(f"{place} moves beyond any number")
-
-
-def _set_place(machine: _Machine, axes: dict[str, float]) -> None:
-    if "X" in axes:
-        machine.zero_x = machine.x - machine.unit * axes["X"]
-    if "A" in axes:
-        machine.zero_a = machine.a - _DEGREE * axes["A"]
-
-
-def _ignore(machine: _Machine, what: str) -> None:
-    machine.ignored[what] = machine.ignored.get(what, 0) + 1

@@ -43,10 +43,8 @@ class Columns:
         for name in names:
             if name not in COLUMNS:
                 near = difflib.get_close_matches(name, COLUMNS, n=1)
-                hint = f"; did you mean {near[0]}?" if near else ""
-                raise LayProgramError(
-                    f"{where} has an unknown column {name[:40]!r}{hint or _known()}"
-                )
+                hint = f"did you mean {near[0]}?" if near else f"known are {', '.join(COLUMNS)}"
+                raise LayProgramError(f"{where} has an unknown column {name[:40]!r}; {hint}")
         return cls(
             along=_one((*ANGLES, *LENGTHS), names, where), z=_one(tuple(AXIAL), names, where)
         )
@@ -184,10 +182,6 @@ def _one(known: tuple[str, ...], names: Collection[str], where: str) -> str:
             f"{where} needs one of {', '.join(known)}, it has {', '.join(found) or 'none'}"
         )
     return found[0]
-
-
-def _known() -> str:
-    return f"; known are {', '.join(COLUMNS)}"
 
 
 def _empty(value: object) -> bool:

@@ -21,13 +21,13 @@ STANDSTILL_SHARE = 0.01  # Share of the running speed below which an axis stands
 SPEED_TOLERANCE = 0.2
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Finding:
     """One promise of the interface and whether it was kept."""
 
     promise: str  # What was asked
-    kept: bool  # Whether it was
     measured: str  # What was seen, in words and numbers
+    kept: bool = field(kw_only=True)  # Whether it was
 
 
 @dataclass(kw_only=True)
@@ -47,26 +47,21 @@ def judge_stream(name: str, heard: Heard, lowest_rate: float) -> Iterator[Findin
     """Yield findings on one topic: messages can be read, stamps run forward, often enough."""
     stamps = np.array(heard.stamps)
     yield Finding(
-        promise=f"{name}: every message can be read",
+        f"{name}: every message can be read",
+        heard.refused[0] if heard.refused else f"{len(stamps)} messages",
         kept=not heard.refused and len(stamps) > 0,
-        measured=heard.refused[0] if heard.refused else f"{len(stamps)} messages",
     )
     if len(stamps) < 2:
         return
     steps = np.diff(stamps)
     backwards = int((steps <= 0.0).sum())
     yield Finding(
-        promise=f"{name}: stamps increase",
-        kept=backwards == 0,
-        measured=f"{backwards} of {len(steps)} do not",
+        f"{name}: stamps increase", f"{backwards} of {len(steps)} do not", kept=backwards == 0
     )
     rate = float((len(stamps) - 1) / max(stamps[-1] - stamps[0], 1.0e-9))
-    yield Finding(
-        promise=f"{name}: at least {lowest_rate:g} Hz by its stamps",
-        # As printed: a camera of exactly that rate is not distinguished by its clock's last digits.
-        kept=round(rate, 1) >= lowest_rate,
-        measured=f"{rate:.1f} Hz",
-    )
+    # As printed: a camera of exactly that rate is not distinguished by its clock's last digits.
+    kept = round(rate, 1) >= lowest_rate
+    yield Finding(f"{name}: at least {lowest_rate:g} Hz by its stamps", f"{rate:.1f} Hz", kept=kept)
 
 
 def judge_encoder(heard: Heard) -> Iterator[Finding]:
@@ -76,9 +71,9 @@ def judge_encoder(heard: Heard) -> Iterator[Finding]:
         return
     gap = float(np.diff(stamps).max())
     yield Finding(
-        promise=f"rig/joint_states: no gap above {LONGEST_GAP_S / MILLISECOND:g} ms",
+        f"rig/joint_states: no gap above {LONGEST_GAP_S / MILLISECOND:g} ms",
+        f"largest {gap / MILLISECOND:.1f} ms",
         kept=round(gap / MILLISECOND, 1) <= LONGEST_GAP_S / MILLISECOND,
-        measured=f"largest {gap / MILLISECOND:.1f} ms",
     )
     span = stamps[-1] - stamps[0]
     for name, position, velocity, unit in (("cylinder", 0, 1, "rad/s"), ("carriage", 2, 3, "m/s")):
@@ -87,9 +82,9 @@ def judge_encoder(heard: Heard) -> Iterator[Finding]:
         reported = float(np.diff(stamps) @ (0.5 * (speed[1:] + speed[:-1]))) / span
         largest = max(abs(moved), abs(reported))
         yield Finding(
-            promise=f"rig/joint_states: {name} velocity is the rate of its position",
+            f"rig/joint_states: {name} velocity is the rate of its position",
+            f"position moves {moved:.4g} {unit}, velocity reports {reported:.4g} {unit}",
             kept=largest == 0.0 or abs(moved - reported) <= SPEED_TOLERANCE * largest,
-            measured=f"position moves {moved:.4g} {unit}, velocity reports {reported:.4g} {unit}",
         )
 
 
@@ -98,9 +93,9 @@ def judge_tension(heard: Heard) -> Iterator[Finding]:
     force = np.array([value[0] for value in heard.values])
     if len(force):
         yield Finding(
-            promise="rig/tension: force.x pulls, in newton",
+            "rig/tension: force.x pulls, in newton",
+            f"{force.min():.3f} to {force.max():.3f} N",
             kept=bool((force > 0.0).all()),
-            measured=f"{force.min():.3f} to {force.max():.3f} N",
         )
 
 
@@ -117,9 +112,9 @@ def judge_camera(
     open_end = max(frames | calibrations, default=0.0)
     alone = {t for t in frames ^ calibrations if begin <= t < open_end}
     yield Finding(
-        promise="camera/camera_info: one for each frame, with its stamp",
+        "camera/camera_info: one for each frame, with its stamp",
+        f"{len(alone)} of {len(frames)} frames differ",
         kept=bool(frames and calibrations) and not alone,
-        measured=f"{len(alone)} of {len(frames)} frames differ",
     )
     if encoder.stamps and images.stamps:
         first, last = encoder.stamps[0], encoder.stamps[-1]
@@ -127,10 +122,10 @@ def judge_camera(
         outside = [t for t in images.stamps if not earliest <= t <= latest]
         lead = camera_lead(images, encoder)
         yield Finding(
-            promise=f"{topic}: stamped at exposure by the encoder's clock",
-            kept=not outside and (lead is None or lead.least <= _EARLY),
-            measured=f"{len(outside)} of {len(images.stamps)} frames lie outside"
+            f"{topic}: stamped at exposure by the encoder's clock",
+            f"{len(outside)} of {len(images.stamps)} frames lie outside"
             + ("" if lead is None else f"; {lead.sentence}"),
+            kept=not outside and (lead is None or lead.least <= _EARLY),
         )
 
 
@@ -211,9 +206,9 @@ def judge_clock(streams: Sequence[Heard]) -> Finding:
     newest = [heard.stamps[-1] for heard in streams if heard.stamps]
     apart = max(newest) - min(newest) if newest else 0.0
     return Finding(
-        promise=f"all topics: stamps from one clock, within {CLOCK_TOLERANCE_S:g} s",
+        f"all topics: stamps from one clock, within {CLOCK_TOLERANCE_S:g} s",
+        f"{apart:.3f} s apart",
         kept=bool(newest) and apart <= CLOCK_TOLERANCE_S,
-        measured=f"{apart:.3f} s apart",
     )
 
 

@@ -84,26 +84,26 @@ class CommandProbe:
     async def _before_the_start(self, feed: float) -> Finding:
         moved = await self._command(_LISTEN, lambda since: (feed * (1.0 + since), feed))
         return Finding(
-            promise="rig/joint_targets before rig/start: change nothing",
+            "rig/joint_targets before rig/start: change nothing",
+            f"the carriage moved {moved / MILLIMETRE:.3f} mm",
             kept=abs(moved) <= MOTION[1],
-            measured=f"the carriage moved {moved / MILLIMETRE:.3f} mm",
         )
 
     async def _late(self, feed: float) -> Finding:
         moved = await self._command(_LISTEN, lambda _: (0.0, 0.0), late=_LATE)
         return Finding(
-            promise=f"rig/joint_targets stamped {_LATE:g} s ago: change nothing",
+            f"rig/joint_targets stamped {_LATE:g} s ago: change nothing",
+            f"the carriage moved {moved / MILLIMETRE:.3f} mm in {_LISTEN:g} s",
             kept=abs(moved - feed * _LISTEN) <= 0.5 * feed * _LISTEN,
-            measured=f"the carriage moved {moved / MILLIMETRE:.3f} mm in {_LISTEN:g} s",
         )
 
     async def _followed(self, speed: float) -> Finding:
         moved = await self._command(_FOLLOWED, lambda since: (speed * since, speed))
         wanted = speed * _FOLLOWED
         return Finding(
-            promise="rig/joint_targets while it winds: the carriage goes where it is commanded",
+            "rig/joint_targets while it winds: the carriage goes where it is commanded",
+            f"{moved / MILLIMETRE:.3f} mm of {wanted / MILLIMETRE:.3f} mm",
             kept=abs(moved - wanted) <= _TOLERANCE * wanted,
-            measured=f"{moved / MILLIMETRE:.3f} mm of {wanted / MILLIMETRE:.3f} mm",
         )
 
     async def _lost(self, running: tuple[float, float], within: float) -> Finding:
@@ -115,9 +115,9 @@ class CommandProbe:
         # A stop may be latched without a request.
         await self._probe.ask("rig/stop" if late else "rig/reset")
         return Finding(
-            promise=f"rig/joint_targets end in motion: both axes stand within {within:g} s",
+            f"rig/joint_targets end in motion: both axes stand within {within:g} s",
+            going if late else f"after {took:.2f} s",
             kept=not late and took <= within,
-            measured=going if late else f"after {took:.2f} s",
         )
 
     async def _command(
@@ -181,15 +181,20 @@ class Probe:
             t, reading = read(message)
             return t, reading.numbers
 
+        def tension(message: Any) -> tuple[float, tuple[float, ...]]:
+            t, force = decode_tension(message)
+            return t, (force,)
+
         wanted: dict[Topic, Callable[[Any], tuple[float, tuple[float, ...]]]] = {
             topics.JOINT_STATES: encoder,
-            topics.TENSION: _tension,
+            topics.TENSION: tension,
         }
+        if frames is topics.PREVIEW:
+            wanted[frames] = lambda message: (decode_stamp(message.header.stamp), ())
+        elif frames is not None:
+            wanted[frames] = lambda message: (decode_image(message)[0], ())
         if frames is not None:
-            wanted |= {
-                frames: _stamp if frames is topics.PREVIEW else _frame,
-                topics.CAMERA_INFO: lambda message: (decode_camera_info(message)[0], ()),
-            }
+            wanted[topics.CAMERA_INFO] = lambda message: (decode_camera_info(message)[0], ())
         self.heard = {topic.name: Heard() for topic in wanted}  # By topic
         self._topics = tuple(wanted)
         for topic, decode in wanted.items():
@@ -242,9 +247,9 @@ class Probe:
             kinds = offered.get(name, ["not there"])
             found.append(
                 Finding(
-                    promise=f"{service.name}: a {service.type_name} service",
+                    f"{service.name}: a {service.type_name} service",
+                    ", ".join(kinds),
                     kept=service.type_name in kinds,
-                    measured=", ".join(kinds),
                 )
             )
         return found
@@ -269,15 +274,13 @@ class Probe:
         refused = await self.ask("rig/start")
         found.append(
             Finding(
-                promise="rig/start after an emergency stop: refused until rig/reset",
+                "rig/start after an emergency stop: refused until rig/reset",
+                refused.message or "accepted",
                 kept=not refused.success,
-                measured=refused.message or "accepted",
             )
         )
         reset = await self.ask("rig/reset")
-        found.append(
-            Finding(promise="rig/reset: accepted", kept=reset.success, measured=reset.message)
-        )
+        found.append(Finding("rig/reset: accepted", reset.message, kept=reset.success))
         return found
 
     def _directions(self, stood: tuple[float, ...], running: tuple[float, float]) -> Finding:
@@ -294,9 +297,9 @@ class Probe:
             DriveProfile(angular_speed=running[0], feed_speed=running[1], ramp_time=0.0),
         )
         return Finding(
-            promise="rig/joint_states: positive in the direction of winding, in radians and metres",
+            "rig/joint_states: positive in the direction of winding, in radians and metres",
+            wrong or f"{now[0] - stood[0]:.3g} rad and {now[2] - stood[2]:.3g} m",
             kept=not wrong,
-            measured=wrong or f"{now[0] - stood[0]:.3g} rad and {now[2] - stood[2]:.3g} m",
         )
 
     @property
@@ -311,9 +314,9 @@ class Probe:
             lambda value: runs(value, running), _RAMP_S, "winding at half speed"
         )
         return Finding(
-            promise=f"{service}: both axes wind within {_RAMP_S:g} s",
+            f"{service}: both axes wind within {_RAMP_S:g} s",
+            late or f"after {took:.2f} s",
             kept=not late and answer.success,
-            measured=late or f"after {took:.2f} s",
         )
 
     async def _ends(self, service: str, running: tuple[float, float], within: float) -> Finding:
@@ -322,9 +325,9 @@ class Probe:
             lambda value: stands(value, running), 4.0 * within, "standstill"
         )
         return Finding(
-            promise=f"{service}: standstill within {within:g} s",
+            f"{service}: standstill within {within:g} s",
+            late or f"{took:.2f} s",
             kept=not late and answer.success and took <= within,
-            measured=late or f"{took:.2f} s",
         )
 
     async def takes(
@@ -362,15 +365,15 @@ class Probe:
             end.qos_profile.reliability is not ReliabilityPolicy.BEST_EFFORT for end in publishers
         ]
         return Finding(
-            promise=f"{topic.name}: one publisher, {topic.type_name}, reliable",
-            kept=len(publishers) == 1
-            and all(reliable)
-            and publishers[0].topic_type == topic.type_name,
-            measured=", ".join(
+            f"{topic.name}: one publisher, {topic.type_name}, reliable",
+            ", ".join(
                 f"{end.node_name} ({end.topic_type}, {end.qos_profile.reliability.name.lower()})"
                 for end in publishers
             )
             or "no publisher",
+            kept=len(publishers) == 1
+            and all(reliable)
+            and publishers[0].topic_type == topic.type_name,
         )
 
     def _note(
@@ -390,16 +393,3 @@ class Probe:
             heard.stamps.append(t)
 
         return note
-
-
-def _frame(message: Any) -> tuple[float, tuple[float, ...]]:
-    return decode_image(message)[0], ()
-
-
-def _stamp(message: Any) -> tuple[float, tuple[float, ...]]:
-    return decode_stamp(message.header.stamp), ()
-
-
-def _tension(message: Any) -> tuple[float, tuple[float, ...]]:
-    t, force = decode_tension(message)
-    return t, (force,)

@@ -11,10 +11,8 @@ from rclpy.parameter import Parameter
 from unique_identifier_msgs.msg import UUID
 
 from winding_cli.cell.goals import Goal, GoalError, Goals
-from winding_core.markers import CORRECTED_DTYPE
 from winding_core.status import Level, Status
 from winding_ros import services, topics
-from winding_ros.messages.clouds import decode_cloud
 from winding_ros.messages.diagnostics import encode_diagnostics
 from winding_ros.messages.stamps import encode_stamp
 
@@ -100,7 +98,7 @@ class GoalServer:
         )
 
     def _note_lengths(self, message: Any) -> None:
-        _, markers = decode_cloud(message, CORRECTED_DTYPE)
+        _, markers = topics.CORRECTED_MARKERS.decode(message)
         for marker in markers:
             if marker["id"] > 0:
                 name = f"P{marker['id']}"

@@ -18,9 +18,10 @@ from winding_cli.terminal.record_options import Domain, Typed, spelled, with_opt
 from winding_cli.terminal.refusal import FAILED, need_extra, refuse, refused
 from winding_cli.terminal.ros_environment import joined, plain_node
 from winding_cli.terminal.termination import end
+from winding_core.cable.condition import Condition
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay.errors import LayTolerance
-from winding_core.parameters import ParameterError, build, typed_values
+from winding_core.parameters import ParameterError, shown_values, typed_record
 from winding_core.run_options import OperatorLimits
 from winding_core.units import MEGABYTE, MILLISECOND
 from winding_recorder.bags.description import COMPLETE, PARAMETERS, RECOVERED, BagError
@@ -83,9 +84,6 @@ def _moment(t: float) -> str:
 def _wound(notes: Mapping[str, str]) -> str:
     """Return the recorded condition, as it would be typed."""
     import json
-
-    from winding_core.cable.condition import Condition
-    from winding_core.parameters import shown_values
 
     recorded: dict[str, Any] = {}
     try:
@@ -242,8 +240,7 @@ def report(
     """
     given = {**judged, **errors}
     with refused(ValueError):
-        values = typed_values(OperatorLimits, given, spelled)
-        limits = build(OperatorLimits, values, owner="winding bag report")
+        limits = typed_record(OperatorLimits, given, spelled)
     check_output_folder(out, "--output", new=True)
     with refused(BagError, ParameterError, code=FAILED):
         write_recorded_report(source, out, limits, given)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from winding_cli.app import command_group
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
-from winding_cli.terminal.output_path import Force, Json, check_output_file, staged, write_json
+from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json, write_text
 from winding_cli.terminal.record_options import Library, Typed, spelled, with_declared, with_options
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
@@ -27,11 +27,8 @@ from winding_core.catalogue.cables import (
     own_folder,
 )
 from winding_core.parameters import explained, option_kind, options, typed_values
-from winding_core.units import MEGAPASCAL, MILLIRADIAN, known
+from winding_core.units import MEGAPASCAL, MILLIRADIAN, json_values
 from winding_study.run_parameters import RunParameters
-
-if TYPE_CHECKING:
-    from winding_study.identification.nearest_cable import Likeness
 
 cable = command_group(__doc__)
 Name = Annotated[str, typer.Argument(help="Cable of the library, or a cable file.")]
@@ -144,18 +141,12 @@ def nearest(
         shelf = cables(library)
         found = likenesses(tracked_run(source, typed), shelf)
     result_console().print(record_table(_LIKELY, found, words=1))
-    likely = [*map(_likely, found)]
+    likely = [
+        json_values(item, "name", "probability", "young_pa", "missed_rad")
+        | {"refusal": item.refusal or None}
+        for item in found
+    ]
     write_json(json_file, {"cables": [*map(_record, shelf.values())], "nearest": likely})
-
-
-def _likely(item: Likeness) -> dict[str, Any]:
-    return {
-        "name": item.name,
-        "probability": item.probability,
-        "young_pa": known(item.young),
-        "missed_rad": known(item.missed),
-        "refusal": item.refusal or None,
-    }
 
 
 @cable.command()
@@ -210,8 +201,7 @@ def add(
             )
         )
     check_output_file(file, make_folder=True, force=force)
-    with staged(file) as place:
-        place.write_text(made.text(), encoding="utf-8")
+    write_text(file, made.text())
     print(f"{file}: winding cable show {name}")
 
 
@@ -269,8 +259,7 @@ def _deviations(key: str, first: Cable, second: Cable) -> float | None:
 
 def _record(item: Cable) -> dict[str, Any]:
     return {
-        "name": item.name,
-        "title": item.title,
+        **json_values(item, "name", "title"),
         "source": item.source or None,
         "note": item.note or None,
         "file": None if item.path is None else str(item.path),

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain, islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -16,9 +17,12 @@ from winding_cli.terminal.record_options import Domain, Namespace, Typed, spelle
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
 from winding_cli.terminal.termination import end
+from winding_core.cable.cases import paper_case
 from winding_core.cable.condition import Condition
+from winding_core.helix import PAPER_FREE_LENGTH
+from winding_core.machine.drive import DriveProfile
 from winding_core.markers import DOT, MarkerLook, MarkerParameters
-from winding_core.parameters import build, parameter, typed_values
+from winding_core.parameters import parameter, typed_record
 from winding_core.raw_image import ENCODINGS
 from winding_core.run_options import CameraPixels, CameraPlacement
 from winding_core.units import LENGTH, MILLIMETRE, MILLISECOND, PLAIN
@@ -60,7 +64,7 @@ class BoardOptions:
         """
         from marker_tracker_node.camera.calibration import Board
 
-        wanted = build(BoardOptions, typed_values(BoardOptions, typed, spelled), owner="the board")
+        wanted = typed_record(BoardOptions, typed, spelled)
         return Board(**{**vars(wanted), "marker": wanted.marker or None})
 
 
@@ -143,9 +147,6 @@ def render(
     """Render the measured lay of a case: frames, motion.csv, truth.csv, camera.yaml."""
     import numpy as np
 
-    from winding_core.cable.cases import paper_case
-    from winding_core.helix import PAPER_FREE_LENGTH
-    from winding_core.machine.drive import DriveProfile
     from winding_rig_node.camera import (
         CablePath,
         CameraConfig,
@@ -172,7 +173,7 @@ def render(
         path = CablePath(theta=lay.path_theta, z=lay.path_z)
         config = CameraConfig(noise=SensorNoise(read=noise), bayer=bayer)
         renderer = Renderer(config.full_frame() if full else config)
-        look = build(MarkerLook, typed_values(MarkerLook, markers, spelled), owner="winding render")
+        look = typed_record(MarkerLook, markers, spelled)
         paint = Paint(markers=tuple(paint_of_hue(hue) for hue in look.hues))
 
     def instants() -> Iterator[tuple[float, Scene]]:
@@ -229,8 +230,6 @@ def play_film(
 
     Every frame has its camera_info. Frames that come late are counted and named.
     """
-    from itertools import chain
-
     from marker_tracker_node.camera.calibration import read_camera
     from marker_tracker_node.camera.frame_sources import FrameSource, Recording, is_bag, read_bag
     from marker_tracker_node.camera.image_formats import COMPRESSIONS
@@ -300,8 +299,6 @@ def check_film(
 
     With a camera file, how far markers move during the exposure is known as well.
     """
-    from itertools import islice
-
     from marker_tracker_node.camera.calibration import read_camera
     from marker_tracker_node.camera.frame_sources import FrameSource, is_bag, read_bag
     from marker_tracker_node.camera.image_formats import PixelReader
@@ -311,21 +308,19 @@ def check_film(
         picture_levels,
     )
 
-    def built(record: Any, given: Typed) -> Any:
-        return build(record, typed_values(record, given, spelled), owner="winding check-film")
-
     if not film.exists():
         refuse(f"{film} does not exist")
     with refused(OSError, ValueError):
         wound = Condition.from_typed(typed, spelling=spelled, case=Condition.case).resolved()
-        look, read = built(MarkerParameters, markers), built(CameraPixels, pixels)
+        look = typed_record(MarkerParameters, markers, spelled)
+        read = typed_record(CameraPixels, pixels, spelled)
         lens = read_camera(camera_file) if camera_file else None
         if lens is None and is_bag(film):
             lens = read_bag(film).camera
         speed = math.nan
         if lens is not None:
             outside = wound.case.cylinder_radius + 2.0 * wound.case.cable_radius
-            distance = built(CameraPlacement, placement).camera_position[0]
+            distance = typed_record(CameraPlacement, placement, spelled).camera_position[0]
             speed = marker_speed(lens, distance, outside, wound.drive.angular_speed)
         reader = PixelReader(encoding=read.encoding, significant_bits=read.significant_bits)
         frames = FrameSource(film, fps=fps, reader=reader)

@@ -16,7 +16,7 @@ from rich.table import Table
 from winding_cli.app import command_group
 from winding_cli.run.configuration import configured
 from winding_cli.terminal.console import result_console
-from winding_cli.terminal.output_path import STANDARD_OUTPUT, check_output_file, staged
+from winding_cli.terminal.output_path import STANDARD_OUTPUT, check_output_file, write_text
 from winding_cli.terminal.refusal import refuse, refused
 from winding_core.cable.condition import Condition
 from winding_core.cable.wound_label import WoundLabel
@@ -161,8 +161,7 @@ def init(
     if file.exists():
         refuse(f"{file} exists already; nothing is written over it")
     check_output_file(file)
-    with staged(file) as place:
-        place.write_text(template(), encoding="utf-8")
+    write_text(file, template())
     print(f"{file}: change it, then winding cell check {file}")
 
 

@@ -11,23 +11,25 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cable_fem_node.winding.rig_prior import CELL, RigPrior
-from winding_cli.run.configuration import configured
+from cable_fem_node.winding.winding_config import SolverParameters, WindingConfig
+from winding_cli.run.configuration import configured, warn_of_slowness
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import (
     check_output_file,
     check_output_folder,
-    staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_core.catalogue.cables import check_name
-from winding_core.parameters import ParameterError, typed_values
+from winding_core.machine.axes import MachineAxes
+from winding_core.machine.tension import DeadWeight
+from winding_core.parameters import ParameterError, build, declared_in, typed_values
 from winding_core.run_spec import RunSpec
 from winding_core.units import MILLIMETRE
 
 if TYPE_CHECKING:
-    from cable_fem_node.winding.winding_config import WindingConfig
     from winding_cli.run.delivery import RunDelivery
     from winding_study.commissioning.design import Expected
     from winding_study.commissioning.motion import MachineReach, Motion
@@ -151,9 +153,6 @@ def _planned(
         ParameterError: The limits allow no motion.
         ValueError: The cable cannot be wound.
     """
-    from cable_fem_node.winding.winding_config import SolverParameters
-    from winding_core.machine.tension import DeadWeight
-    from winding_core.parameters import build
     from winding_study.commissioning.design import ranked
     from winding_study.commissioning.motion import (
         MachineReach,
@@ -214,7 +213,6 @@ def _run_options(spec: RunSpec, planned: Plan) -> dict[str, Any]:
 
 def _wound(spec: RunSpec, motion: Motion) -> RunDelivery:
     """Wind the run through the graph; end the command where it is not whole."""
-    from winding_cli.run.configuration import warn_of_slowness
     from winding_cli.run.delivery import RunDelivery
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here
@@ -253,8 +251,6 @@ def _conform(spec: RunSpec) -> None:
     """Refuse an external machine that does not keep the interface."""
     from winding_cli.commands.conform import probed
     from winding_cli.terminal.ros_environment import joined
-    from winding_core.machine.axes import MachineAxes
-    from winding_core.parameters import declared_in
 
     axes = MachineAxes(**declared_in(MachineAxes, spec.asked("machine")))
     with joined(spec.domain):
@@ -309,12 +305,10 @@ def _learn(
     cable_file = cable_file or delivery.directory / f"{name}.yaml"
     cell_file = cell_file or delivery.directory / "found-cell.yaml"
     cable = cable_of(name, spec, posterior, source)
-    with staged(cable_file) as place:
-        place.write_text(cable.text(), encoding="utf-8")
+    write_text(cable_file, cable.text())
     with refused(ValueError, code=FAILED):
         text = cell_text_of(spec, posterior, str(cable_file), source)
-    with staged(cell_file) as place:
-        place.write_text(text, encoding="utf-8")
+    write_text(cell_file, text)
     record = commissioning_record(posterior, planned.design[:_SHOWN], following[:_SHOWN])
     write_json(delivery.directory / "commissioning.json", record)
     console.print(f"cable: {cable_file}\ncell: {cell_file}", soft_wrap=True)

@@ -13,7 +13,7 @@ from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import joined
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import PAPER_ANGULAR_SPEED, PAPER_FEED_SPEED
-from winding_core.parameters import build, typed_values
+from winding_core.parameters import typed_record
 from winding_core.run_options import TRANSPORTS
 from winding_core.units import MILLIMETRE
 
@@ -57,7 +57,7 @@ def conform(
     if image_transport not in TRANSPORTS:
         refuse(f"--image-transport must be {' or '.join(TRANSPORTS)}, got {image_transport}")
     with refused(ValueError):
-        known = build(MachineAxes, typed_values(MachineAxes, axes, spelled), owner="the machine")
+        known = typed_record(MachineAxes, axes, spelled)
     with joined(domain) as place, refused(ValueError, code=FAILED):
         try:
             findings, commanded = asyncio.run(

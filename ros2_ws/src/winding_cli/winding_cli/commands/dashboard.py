@@ -10,6 +10,7 @@ from winding_cli.terminal.refusal import refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined
 from winding_core.error_verdict import ErrorLimit
 from winding_core.lay.errors import LayTolerance
+from winding_core.parameters import ParameterError, build, typed_values
 from winding_core.run_options import OperatorLimits
 
 
@@ -38,7 +39,6 @@ def dashboard(
     ] = None,
 ) -> None:
     """Serve the operator's page; Ctrl-C ends it."""
-    from winding_core.parameters import ParameterError, build, typed_values
     from winding_ros.environment import enclave_arguments, ros_arguments
     from winding_ros.graph import PAGE
 

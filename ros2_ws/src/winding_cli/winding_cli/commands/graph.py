@@ -5,21 +5,32 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Collection, Iterable
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from winding_cli.terminal.record_options import Domain, Namespace, spelled
 from winding_cli.terminal.refusal import FAILED, refuse, refused
 from winding_cli.terminal.ros_environment import check_namespace, joined, plain_node
+from winding_core.cable.condition import Condition
+from winding_core.machine.axes import MachineAxes
 from winding_core.parameters import Declaration, declarations
-from winding_ros.graph import PAGE, controlled, parameters_of
+from winding_core.run_options import CameraPlacement
+from winding_core.status import Level, Status
+from winding_ros import topics
+from winding_ros.graph import (
+    GRAPH,
+    LAY_CONTROL,
+    PAGE,
+    as_mermaid,
+    as_text,
+    controlled,
+    members,
+    parameters_of,
+)
 from winding_ros.runtime.heartbeat import LEASE, PERIOD, heartbeat_topic
 from winding_ros.services import SERVICES
 from winding_ros.topics import TOPICS
-
-if TYPE_CHECKING:
-    from winding_core.status import Status
 
 
 def graph(
@@ -59,12 +70,8 @@ def graph(
 ) -> None:
     """Show the nodes, their topics and who listens."""
     from winding_core.arm.opening import open_arm
-    from winding_core.cable.condition import Condition
-    from winding_core.machine.axes import MachineAxes
-    from winding_core.run_options import CameraPlacement
     from winding_core.urdf import machine_urdf
     from winding_ros.access_policy import Participants, sros2_policy
-    from winding_ros.graph import as_mermaid, as_text, members
 
     if urdf:
         with refused(ValueError):
@@ -162,8 +169,6 @@ def health(
     patience_s: Annotated[float, typer.Option(help="How long to listen for silent nodes.")] = 10.0,
 ) -> None:
     """Listen to /diagnostics; exit 1 when a node is silent or in error."""
-    from winding_ros.graph import GRAPH, LAY_CONTROL
-
     if not 0.0 < patience_s < math.inf:
         refuse(f"patience must be positive and finite, got {patience_s} s")
     usual = [spec.name for spec in GRAPH]
@@ -181,8 +186,6 @@ def health(
 
 def complaints(nodes: Iterable[str], heard: Collection[Status]) -> list[str]:
     """Return one sentence for each named node that is silent, and for each ERROR of the others."""
-    from winding_core.status import Level
-
     found = []
     for node in nodes:
         own = [status for status in heard if status.name.partition(":")[0] == node]
@@ -194,13 +197,10 @@ def complaints(nodes: Iterable[str], heard: Collection[Status]) -> list[str]:
 
 def listen(nodes: Collection[str], namespace: str, patience: float) -> list[Status]:
     """Return the newest statuses in a graph once every node was heard, or after `patience` [s]."""
-    from winding_ros import topics
-    from winding_ros.messages.diagnostics import decode_diagnostics
-
     heard: dict[str, Status] = {}
 
     def note(message: Any) -> None:
-        _, statuses = decode_diagnostics(message)
+        _, statuses = topics.DIAGNOSTICS.decode(message)
         for encoded, status in zip(message.status, statuses, strict=True):
             if encoded.hardware_id == f"/{namespace}":
                 heard[status.name] = status

@@ -9,19 +9,19 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from cable_fem_node.winding.rig_prior import KNOWN_TENSION, RigPrior
+from cable_fem_node.winding.winding_config import WindingConfig
 from winding_cli.offline.tracked_source import tracked_run
 from winding_cli.terminal.console import Shown, busy, record_table, result_console
 from winding_cli.terminal.output_path import Force, Json, check_output_file, write_json
 from winding_cli.terminal.record_options import Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
+from winding_core.markers import Markers
 from winding_core.parameters import typed_values
-from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE
+from winding_core.units import KILOPASCAL, MEGAPASCAL, MILLIMETRE, json_values
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.identification import TrackedRun
-    from cable_fem_node.winding.winding_config import WindingConfig
-    from winding_core.markers import Markers
     from winding_study.identification.tensile import LawFit
 
 
@@ -163,11 +163,8 @@ def _identified(runs: list[TrackedRun], use: int | None) -> dict[str, Any]:
             constants = identify_constants(used, law)
         record = print_constants(console, constants)
         record["refused"] = ""
-        fit, young, ratio = (
-            constants.fit,
-            constants.young,
-            constants.share / (1.0 - constants.share),
-        )
+        fit, young = constants.fit, constants.young
+        ratio = constants.share / (1.0 - constants.share)
     else:
         with busy("identifying the modulus"):
             estimate = identify_modulus(used)
@@ -194,7 +191,6 @@ def _wound(run: TrackedRun, config: WindingConfig) -> Markers:
 
 
 def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
-    from winding_reports.documents.data_table import known
     from winding_study.identification.sources import read_tensile_test
     from winding_study.identification.tensile import fit_laws, judgement
 
@@ -203,7 +199,5 @@ def _tensile(path: Path, parameters: RunParameters) -> dict[str, Any]:
     console = result_console()
     console.print(record_table(_LAWS, fits, title=f"Laws of {path.name}, best first"))
     console.print(judgement(fits))
-    laws = [
-        {name: known(value) for name, value in dataclasses.asdict(item).items()} for item in fits
-    ]
+    laws = [json_values(item, *vars(item)) for item in fits]
     return {"poisson": poisson, "judgement": judgement(fits), "laws": laws}

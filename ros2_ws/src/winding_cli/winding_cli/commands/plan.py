@@ -38,6 +38,7 @@ from winding_cli.terminal.output_path import (
     check_output_file,
     staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.record_options import (
     Cable,
@@ -52,7 +53,8 @@ from winding_core.arm.opening import check_arm, open_arm
 from winding_core.cable.condition import ResolvedCondition
 from winding_core.lay.layers import WoundDrum
 from winding_core.lay.program import LayProgram, LayProgramError
-from winding_core.units import MILLIMETRE, known
+from winding_core.parameters import typed_record
+from winding_core.units import MILLIMETRE, json_values, known
 from winding_study.plans.drum_plan import DrumPlanParameters, PlanParameters, drum_record
 from winding_study.run_parameters import RunParameters
 
@@ -145,7 +147,7 @@ def plan(
         solver = drum is None if solver is None else solver
         if solver and parameters.element != "rod":
             refuse(f"a plan is wound with the rod, not with the element {parameters.element}")
-        limits = PlanParameters.from_typed(typed_limits, spelling=spelled).limits()
+        limits = typed_record(PlanParameters, typed_limits, spelled).limits()
         config = replace(parameters.config_of(what), drum=drum)
         wound: WoundDrum | None = None
         if filled:
@@ -193,8 +195,7 @@ def plan(
         "missed": missed,
     }
     if csv_file is not None:
-        with staged(csv_file) as place:
-            place.write_text(csv_text(planned, 1.0e-3 * period_ms), encoding="utf-8")
+        write_text(csv_file, csv_text(planned, 1.0e-3 * period_ms))
     if picture is not None:
         from winding_study.plans.plan_picture import write_plan_picture
 
@@ -322,13 +323,8 @@ def verdict(plan: LayPlan, solver: SolverLay | None, tolerance_mm: float | None)
 def control_record(controlled: tuple[ExpectedLanding, ...]) -> list[dict[str, Any]]:
     """Return where markers land under control as plain values."""
     return [
-        {
-            "id": item.number,
-            "wanted_rad": item.wanted,
-            "expected_rad": known(item.expected),
-            "sigma_rad": known(item.sigma),
-            "misses_rad": known(item.misses),
-        }
+        {"id": item.number}
+        | json_values(item, "wanted_rad", "expected_rad", "sigma_rad", "misses_rad")
         for item in controlled
     ]
 

@@ -29,7 +29,7 @@ from winding_cli.terminal.output_path import (
 )
 from winding_cli.terminal.record_options import Cable, Library, Typed, spelled, with_options
 from winding_cli.terminal.refusal import FAILED, refuse, refused
-from winding_core.units import MILLIMETRE, MILLIRADIAN, known
+from winding_core.units import MILLIMETRE, MILLIRADIAN, json_values, known
 from winding_study.run_parameters import RunParameters
 
 _FEW_STEPS = 1.0e6  # A run of so few steps takes seconds, and is not timed beforehand
@@ -138,8 +138,7 @@ def predict(
             with busy("winding again with elements of half the length"):
                 error = discretisation_error(run, result)
             record["discretisation_error"] = {
-                "segment_m": error.segment,
-                "finer_segment_m": error.finer_segment,
+                **json_values(error, "segment_m", "finer_segment_m"),
                 "theta_rad": list(map(known, error.theta)),
                 "s_m": list(map(known, error.s)),
             }
@@ -234,10 +233,7 @@ def _record(result: Prediction, element: str) -> dict[str, Any]:
         "energy_j": {name: joule for name, joule in vars(energy).items() if name != "initial"},
         "energy_balance_pct": energy.balance_pct,
         "kinetic_over_internal": energy.kinetic_over_internal,
-        "stretch": result.stretch,
-        "stretch_closed_form": result.stretch_closed_form,
-        "span_stretch": result.span_stretch,
-        "cpu_s_per_sim_s": result.cpu_s_per_sim_s,
+        **json_values(result, "stretch", "stretch_closed_form", "span_stretch", "cpu_s_per_sim_s"),
     }
 
 

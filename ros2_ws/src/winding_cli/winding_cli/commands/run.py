@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from winding_cli.run.configuration import configured
+from winding_cli.run.configuration import configured, warn_of_slowness
 from winding_cli.terminal.output_path import STANDARD_OUTPUT, print_aside
 from winding_cli.terminal.record_options import Typed, spelled, with_options_of_run
 from winding_cli.terminal.refusal import refused
@@ -73,7 +73,6 @@ def run(
     ] = False,
 ) -> None:
     """Wind one case: predict, measure, correct; end with a table and a report."""
-    from winding_cli.run.configuration import warn_of_slowness
     from winding_cli.run.delivery import RunDelivery
     from winding_cli.run.winding import wind
     from winding_cli.terminal.origin import origin_here

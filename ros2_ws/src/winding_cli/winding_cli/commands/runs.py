@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from winding_cli.app import command_group
-from winding_cli.terminal.console import Shown, record_table, result_console
+from winding_cli.terminal.console import Shown, record_table, result_console, six_digits
 from winding_cli.terminal.output_path import (
     Force,
     Json,
@@ -18,12 +18,13 @@ from winding_cli.terminal.output_path import (
     check_output_file,
     staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.record_options import Typed, with_declared
 from winding_cli.terminal.refusal import need_extra, refuse, refused
 from winding_core.units import MEGAPASCAL, MILLIMETRE
 from winding_reports.runs.run_index import NUMBERS, RunIndex, RunIndexError, Selection
-from winding_reports.runs.run_row import VERDICTS, RunRow, row_of_file
+from winding_reports.runs.run_row import VERDICTS, RunRow, compared, row_of_file
 
 if TYPE_CHECKING:
     from winding_reports.documents.data_table import DataTable
@@ -98,10 +99,13 @@ def list_runs(
 def show(run: Run, folder: In = Path("runs"), json_file: Json = None, force: Force = False) -> None:
     """Show a run: verdict, reason, labels and numbers."""
     check_output_file(json_file, "--json", force=force)
-    row = _found(run, folder)
+    with refused(RunIndexError):
+        file = _file(run, folder)
+    row = row_of_file(str(file.parent), file)
     console = result_console()
     pairs = [(name, value) for name, value in row._asdict().items() if value is not None]
-    columns = (Shown("what", lambda pair: pair[0]), Shown("value", lambda pair: _text(pair[1])))
+    value = Shown("value", lambda pair: six_digits(pair[1]))
+    columns = (Shown("what", lambda pair: pair[0]), value)
     console.print(record_table(columns, pairs, words=2))
     write_json(json_file, {"counts": {row.verdict: 1}, "runs": [row._asdict()]})
 
@@ -111,16 +115,14 @@ def compare(
     first: Run, second: Run, folder: In = Path("runs"), json_file: Json = None, force: Force = False
 ) -> None:
     """Show two runs side by side: what differs in condition, outcome and numbers."""
-    from winding_reports.runs.run_row import compared
-
     check_output_file(json_file, "--json", force=force)
     with refused(ValueError):
         record = compared(*(_file(name, folder) for name in (first, second)))
     columns = (
         Shown("what", "name"),
-        Shown(first, lambda item: _text(item["first"])),
-        Shown(second, lambda item: _text(item["second"])),
-        Shown("difference", lambda item: _text(item["difference"])),
+        Shown(first, lambda item: six_digits(item["first"])),
+        Shown(second, lambda item: six_digits(item["second"])),
+        Shown("difference", lambda item: six_digits(item["difference"])),
     )
     result_console().print(record_table(columns, record["rows"], words=3))
     write_json(json_file, record)
@@ -161,9 +163,7 @@ def trend(
     if page is not None:
         from winding_reports.runs.trend_page import render_trend
 
-        with staged(page) as place:
-            text = render_trend(str(folder), rows, counts, found)
-            place.write_text(text, encoding="utf-8")
+        write_text(page, render_trend(str(folder), rows, counts, found))
 
 
 def _checked(
@@ -207,8 +207,7 @@ def _write(
         columns = tuple(Column(name=name) for name in RunRow._fields)
         table = DataTable(name="runs", title="Runs", columns=columns, rows=tuple(rows))
     if csv_file is not None:
-        with staged(csv_file) as place:
-            place.write_text(table.as_csv(), encoding="utf-8")
+        write_text(csv_file, table.as_csv())
     if parquet_file is not None:
         with staged(parquet_file) as place:
             table.write_parquet(place)
@@ -225,15 +224,3 @@ def _file(name: str, folder: Path) -> Path:
             return path
     with RunIndex(folder) as index:
         return folder / index.run(name).path / NUMBERS
-
-
-def _found(name: str, folder: Path) -> RunRow:
-    with refused(RunIndexError):
-        file = _file(name, folder)
-    return row_of_file(str(file.parent), file)
-
-
-def _text(value: object) -> str:
-    if value is None:
-        return "-"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

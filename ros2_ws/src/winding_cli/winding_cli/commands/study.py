@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,6 +19,7 @@ from winding_cli.terminal.output_path import (
     check_output_folder,
     staged,
     write_json,
+    write_text,
 )
 from winding_cli.terminal.refusal import FAILED, evidence, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
@@ -161,9 +163,7 @@ def study(
     identity = study_identity(record, origin_here(), drawn)
     write_json(json, {"identity": identity.as_json(), **record.as_json()})
     if lengths is not None:
-        with staged(lengths) as place:
-            text = format_lengths(predicted_lengths(record.results))
-            place.write_text(text, encoding="utf-8")
+        write_text(lengths, format_lengths(predicted_lengths(record.results)))
     if report is not None:
         from winding_study.paper.study_report import write_study
 
@@ -215,8 +215,6 @@ def _show(record: StudyRecord) -> None:
 
 def _calibrate(law: str | None, json: Path | None) -> None:
     """Fit the rig's span tension and print it."""
-    from dataclasses import asdict
-
     from winding_study.paper.calibration import LAW, calibrate
 
     console = result_console()

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 
+from cable_fem_node.winding.prediction import PlannedRun
 from winding_cli.offline.wound_parameters import wound_parameters
-from winding_cli.terminal.console import Shown, busy, record_table, result_console
+from winding_cli.terminal.console import Shown, busy, record_table, result_console, six_digits
 from winding_cli.terminal.output_path import Force, check_output_file, check_output_folder, staged
 from winding_cli.terminal.refusal import FAILED, complain, need_extra, refuse, refused
 from winding_cli.terminal.termination import end, interruptible
@@ -21,7 +22,6 @@ from winding_core.units import MILLIMETRE
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
-    from cable_fem_node.winding.prediction import PlannedRun
     from winding_study.run_store import Arrays, RunStore
     from winding_study.sweep.engines import Engine
     from winding_study.sweep.outcome import Columns
@@ -260,7 +260,7 @@ def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
         return lambda row: columns[name][row]
 
     def worded(name: str) -> Callable[[int], str]:
-        return lambda row: _text(columns[name][row])
+        return lambda row: six_digits(columns[name][row])
 
     def used(row: int) -> float:
         per_turn = columns["cable_per_turn_m"][row]
@@ -282,7 +282,3 @@ def print_summary(columns: Columns, varied: tuple[str, ...]) -> None:
         f"{rows - failed} runs ok, {failed} failed; "
         f"{np.nansum(columns['cpu_s']):.1f} CPU seconds of winding"
     )
-
-
-def _text(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

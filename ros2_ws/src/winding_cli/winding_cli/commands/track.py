@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -21,9 +21,9 @@ from winding_core.helix import curve_length
 from winding_core.lay.records import name_of
 from winding_core.machine.readings import AxisReading
 from winding_core.markers import MarkerParameters
-from winding_core.parameters import build, typed_values
+from winding_core.parameters import typed_record
 from winding_core.run_options import CameraClockParameters, CameraPixels, CameraPlacement
-from winding_core.units import MILLIMETRE, MILLIRADIAN, known
+from winding_core.units import MILLIMETRE, MILLIRADIAN, json_values, known
 
 if TYPE_CHECKING:
     import numpy as np
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from marker_tracker_node.tracking.report import TrackerReport
     from marker_tracker_node.tracking.synchronised_tracker import SynchronisedTracker
     from winding_core.markers import Markers
-
-Record = TypeVar("Record")
 
 _UNLOADED = 1.0e-3  # The least tension that a condition may have [N]
 
@@ -99,8 +97,9 @@ def track(
             tilt=camera_tilt_sigma_mrad * MILLIRADIAN,
         )
         wound, assumed = tracked_condition(typed)
-        where = _built(CameraPlacement, placement)
-        sought, read = _built(MarkerParameters, markers), _built(CameraPixels, pixels)
+        where = typed_record(CameraPlacement, placement, spelled)
+        sought = typed_record(MarkerParameters, markers, spelled)
+        read = typed_record(CameraPixels, pixels, spelled)
         config = TrackerConfig.of(wound.resolved(), where, sought, row_time=read.row_time)
         brought = read_bag(source) if is_bag(source) else Recording(camera=None, motion=None)
         lens = read_camera(camera) if camera else brought.camera
@@ -109,7 +108,7 @@ def track(
             refuse("there is no camera: give --camera")
         if drive is None:
             refuse("there is no motion: give --motion")
-        wanted = _built(CameraClockParameters, clock)
+        wanted = typed_record(CameraClockParameters, clock, spelled)
         settings = ClockSettings(
             correct=wanted.camera_clock_correction, limit=wanted.camera_clock_limit
         )
@@ -181,10 +180,6 @@ def _refined(
         return None, str(error)
 
 
-def _built(record: type[Record], typed: Typed) -> Record:
-    return build(record, typed_values(record, typed, spelled), owner="winding track")
-
-
 def _measure(
     live: SynchronisedTracker,
     frames: Iterable[tuple[float, NDArray[np.uint8]]],
@@ -248,21 +243,14 @@ class TrackedRecording:
         """Return the same as plain values, None for what is not known."""
         report = self.report
         return {
-            "healthy": report.healthy,
-            "frames": report.frames,
+            **json_values(report, "healthy", "frames"),
             "rejected": {
                 fault.name.lower(): count for fault, count in report.rejected.items() if count
             },
             "known": report.known,
             "markers": self._markers(),
             "contradictions": [
-                {
-                    "number": item.number,
-                    "share": known(item.share),
-                    "sigma": known(item.sigma),
-                    "alternatives": list(item.alternatives),
-                    "sentence": item.sentence,
-                }
+                json_values(item, "number", "share", "sigma", "alternatives", "sentence")
                 for item in report.contradictions
             ],
             "doubts": list(report.doubts),
@@ -326,8 +314,7 @@ class TrackedRecording:
         return {
             "places": len(lay.records),
             "turns": len(set(lay.records["turn"].tolist())),
-            "free_length_m": known(lay.free_length),
-            "sigma_free_length_m": known(lay.sigma_free_length),
+            **json_values(lay, "free_length_m", "sigma_free_length_m"),
             "defects": [
                 {"kind": name_of(item.flag), "first_rad": item.first, "last_rad": item.last}
                 for item in lay.defects

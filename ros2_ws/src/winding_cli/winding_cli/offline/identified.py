@@ -14,7 +14,7 @@ from cable_fem_node.identification.rig_posterior import Belief
 from winding_cli.terminal.console import Shown, marker_name, record_table
 from winding_core.helix import curve_length
 from winding_core.markers import Markers, is_wound
-from winding_core.units import MEGAPASCAL, MILLIMETRE, MILLIRADIAN
+from winding_core.units import MEGAPASCAL, MILLIMETRE, MILLIRADIAN, json_values
 from winding_study.identification.constants import ConstantsEstimate
 
 _RUN = Shown("run", lambda row: row["run"] + 1)
@@ -65,12 +65,7 @@ def print_modulus(console: Console, estimate: ModulusEstimate) -> dict[str, Any]
         f"{estimate.half_width_90 / MEGAPASCAL:.2g} MPa "
         f"({estimate.half_width_90 / estimate.young:.1%})"
     )
-    return {
-        "law": estimate.law,
-        "young_pa": estimate.young,
-        "standard_error_pa": estimate.standard_error,
-        "half_width_90_pa": estimate.half_width_90,
-    }
+    return json_values(estimate, "law", "young_pa", "standard_error_pa", "half_width_90_pa")
 
 
 def print_constants(console: Console, found: ConstantsEstimate) -> dict[str, Any]:
@@ -83,14 +78,10 @@ def print_constants(console: Console, found: ConstantsEstimate) -> dict[str, Any
         f"(standard error {found.young_standard_error / MEGAPASCAL:.2g})\n{found.statement()}"
     )
     return {
-        "law": found.law,
-        "c10_pa": found.c10,
-        "c01_pa": found.c01,
+        **json_values(found, "law", "c10_pa", "c01_pa", "young_pa", "separable"),
         "c10_standard_error_pa": errors[0],
         "c01_standard_error_pa": errors[1],
-        "young_pa": found.young,
         "standard_error_pa": found.young_standard_error,
-        "separable": found.separable,
         "statement": found.statement(),
     }
 
@@ -108,10 +99,8 @@ def print_fit(console: Console, fit: Fit) -> dict[str, Any]:
         )
     return {
         "residuals": residuals,
-        "chi_square": fit.chi_square,
+        **json_values(fit, "chi_square", "misfit", "scatter"),
         "degrees_of_freedom": fit.degrees,
-        "misfit": fit.misfit,
-        "scatter": fit.scatter,
         "rod_calls": fit.calls,
     }
 
@@ -165,19 +154,14 @@ def rig_record(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> dict[str,
     """Return the posterior as JSON, SI units."""
     return {
         "rig": {
-            name: {key: getattr(belief, key) for key in _RECORDED}
-            for name, belief in posterior.beliefs.items()
+            name: json_values(belief, *_RECORDED) for name, belief in posterior.beliefs.items()
         },
         "names": list(posterior.names),
         "covariance": posterior.covariance.tolist(),
         "correlation": posterior.correlation.tolist(),
         "steady_probability": posterior.steady,
         "unobservable": list(posterior.unobservable),
-        "chi_square": posterior.chi_square,
-        "measured": posterior.measured,
-        "misfit": posterior.misfit,
-        "scatter_m": posterior.scatter,
-        "worst_share": posterior.worst_share,
+        **json_values(posterior, "chi_square", "measured", "misfit", "scatter_m", "worst_share"),
         "predicted": list(_ahead(posterior, runs)),
         "refused": posterior.refusal(),
     }
@@ -209,12 +193,7 @@ def _ahead(posterior: RigPosterior, runs: Sequence[TrackedRun]) -> Iterator[dict
         for marker in markers:
             yield {
                 "run": number,
-                "id": marker.id,
-                "theta_rad": marker.theta,
-                "sigma_theta_rad": marker.sigma_theta,
-                "z_m": marker.z,
-                "sigma_z_m": marker.sigma_z,
-                "s_m": marker.s,
-                "half_width_90_m": marker.half_width_90,
+                **json_values(marker, "id", "theta_rad", "sigma_theta_rad", "z_m", "sigma_z_m"),
+                **json_values(marker, "s_m", "half_width_90_m"),
                 **_beside(measured.get(marker.id), marker.s),
             }

@@ -6,12 +6,12 @@ import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cable_fem_node.winding.winding_config import WindingConfig
 from winding_cli.terminal.record_options import Typed, spelled
 from winding_study.run_parameters import RunParameters
 
 if TYPE_CHECKING:
     from cable_fem_node.identification import TrackedRun
-    from cable_fem_node.winding.winding_config import WindingConfig
 
 
 def tracked_run(source: Path, typed: Typed) -> TrackedRun:

@@ -21,11 +21,13 @@ from cable_fem_node.winding.winding_config import SolverParameters
 from winding_cli.terminal.console import busy
 from winding_cli.terminal.output_path import STANDARD_OUTPUT, check_output_file, check_output_folder
 from winding_cli.terminal.refusal import refuse
+from winding_core.lay.guide_path import lay_of_drive
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.camera_source import CameraSource
 from winding_core.parameters import ParameterError, build, declared_in
 from winding_core.run_options import BY_MOTION, CameraPlacement
 from winding_core.run_spec import RunSpec
+from winding_ros import topics
 from winding_ros.topics import FEM
 
 if TYPE_CHECKING:
@@ -130,8 +132,6 @@ def lead_of(spec: RunSpec) -> float:
 
 def _check_drum(spec: RunSpec) -> None:
     """Refuse a motion that would lay cable beside the drum; that of a real machine is its own."""
-    from winding_core.lay.guide_path import lay_of_drive
-
     what = spec.condition.resolved()
     drum, driving = spec.drum.drum(what.case), spec.controlled and spec.lay.control == "drive"
     if drum is None or (spec.external and not driving):
@@ -146,7 +146,6 @@ def _check_drum(spec: RunSpec) -> None:
 def _check_arm(spec: RunSpec) -> None:
     """Refuse an arm that cannot be used, and a motion on which it cannot lead the guide."""
     from winding_core.arm.opening import check_arm
-    from winding_core.lay.guide_path import lay_of_drive
     from winding_ros.graph import RIG, parameters_of
 
     file, what = spec.machine.machine_file, spec.condition.resolved()
@@ -195,7 +194,6 @@ def _check_outputs(spec: RunSpec) -> None:
 def _check_nodes(spec: RunSpec, config: RunConfig) -> None:
     from correction_node.models.weights import load_factor, weights_directory
     from winding_recorder.live.recorder import RecorderError
-    from winding_ros import topics
     from winding_ros.graph import FEM, parameters_of
     from winding_supervisor.session.run_config import RunFolderError, check_run
 

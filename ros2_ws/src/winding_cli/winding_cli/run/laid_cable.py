@@ -3,7 +3,6 @@
 import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
-from functools import partial
 
 import numpy as np
 
@@ -12,14 +11,8 @@ from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
 from winding_core.lay.drum_parameters import DrumShape
 from winding_core.lay.layers import WoundDrum
-from winding_core.lay.records import (
-    LAY_CONTROL_DTYPE,
-    LAY_DTYPE,
-    LayControlRecords,
-    LayRecords,
-    cable_lay,
-)
-from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.lay.records import LAY_DTYPE, LayControlRecords, LayRecords, cable_lay
+from winding_core.markers import MARKER_DTYPE, is_wound
 from winding_core.parameters import Value, build, declared_in
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_reports.records.lay_outcome import (
@@ -31,7 +24,6 @@ from winding_reports.records.lay_outcome import (
 )
 from winding_reports.records.run_record import MarkerSeries, WoundCable
 from winding_ros import topics
-from winding_ros.messages.clouds import decode_cloud
 from winding_study.paper.case_result import MOST_NODES
 
 _BEGIN = 0.05  # The cable is complete once it reaches P0 [rad]
@@ -55,7 +47,7 @@ def recorded_outcome(
         tolerance: For every turn after the second [m].
         status: Values of the controller's last diagnostics.
     """
-    control = [records for _, records in buffer.clouds(topics.LAY_CONTROL_STATE, LAY_CONTROL_DTYPE)]
+    control = [records for _, records in buffer.readings(topics.LAY_CONTROL_STATE)]
     if not control:
         return None
     what = condition.resolved()
@@ -85,7 +77,7 @@ def _every_place(buffer: RunBuffer, wound: WoundDrum, states: LayControlRecords)
     """Return each place as it was measured last: later layers hide those below."""
     theta, first = np.unique(states["theta"], return_index=True)
     newest: dict[float, LayRecords] = {}
-    for _, places in buffer.clouds(topics.TRACKED_LAY, LAY_DTYPE):
+    for _, places in buffer.readings(topics.TRACKED_LAY):
         landed = np.interp(places["theta"], theta, states["z"][first])
         for place in wound.in_place(places, landed):
             newest[float(place["theta"])] = place
@@ -95,7 +87,7 @@ def _every_place(buffer: RunBuffer, wound: WoundDrum, states: LayControlRecords)
 
 def _last_lay(buffer: RunBuffer) -> LayRecords:
     found: LayRecords = np.zeros(0, LAY_DTYPE)
-    for _, places in buffer.clouds(topics.TRACKED_LAY, LAY_DTYPE):
+    for _, places in buffer.readings(topics.TRACKED_LAY):
         found = places if len(places) else found
     return found
 
@@ -106,7 +98,7 @@ def _predicted(buffer: RunBuffer, radius: float) -> LaidLine:
     stamps = np.array([t for t, _ in readings])
     angles = np.array([reading.cylinder_angle for _, reading in readings])
     theta, z = np.zeros(0), np.zeros(0)
-    for t, cable in reversed(list(buffer.clouds(topics.FEM_CABLE, CABLE_DTYPE))):
+    for t, cable in reversed(list(buffer.readings(topics.FEM_CABLE))):
         if not stamps.size:
             break
         further, height = cable_lay(cable, float(np.interp(t, stamps, angles)), radius)
@@ -120,8 +112,8 @@ def _predicted(buffer: RunBuffer, radius: float) -> LaidLine:
 
 
 def _ahead(buffer: RunBuffer) -> LaidLine:
-    clouds = [markers for _, markers in buffer.clouds(topics.FEM_PREDICTION, MARKER_DTYPE)]
-    last = clouds[-1] if clouds else np.zeros(0, MARKER_DTYPE)
+    newest = buffer.newest(topics.FEM_PREDICTION)
+    last = np.zeros(0, MARKER_DTYPE) if newest is None else newest
     wound = last[is_wound(last)]
     order = np.argsort(wound["theta"])
     return LaidLine(theta=wound["theta"][order].astype(float), z=wound["z"][order].astype(float))
@@ -142,16 +134,14 @@ def last_cable(buffer: RunBuffer, case: Case, wish: Mapping[str, Value]) -> Woun
 
     Of a long run that is the span and the newest turns.
     """
-    cable = buffer.newest(topics.FEM_CABLE, partial(decode_cloud, dtype=CABLE_DTYPE))
-    markers = buffer.newest(topics.FEM_MARKERS, partial(decode_cloud, dtype=MARKER_DTYPE))
-    if cable is None or len(cable[1]) < 2:
+    records, markers = buffer.newest(topics.FEM_CABLE), buffer.newest(topics.FEM_MARKERS)
+    if records is None or len(records) < 2:
         return None
-    records = cable[1]
     keep = np.unique(np.linspace(0, records.size - 1, min(records.size, MOST_NODES)).astype(int))
     whole = float(records["s"][0]) < float(records["s"][1] - records["s"][0])
     marks = {0: (0.0, 0.0)} if whole else {}
     if markers is not None and whole:
-        wound = markers[1][is_wound(markers[1])]
+        wound = markers[is_wound(markers)]
         marks |= {int(m["id"]): (float(m["theta"]), float(m["z"])) for m in wound}
     return WoundCable(
         case=case,

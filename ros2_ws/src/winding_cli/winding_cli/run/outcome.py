@@ -7,13 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from winding_core.cable.condition import Condition, ResolvedCondition
-from winding_core.error_verdict import judge_lengths
 from winding_core.run_outcome import Extent, RunOutcome
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_reports.records.lay_outcome import LayOutcome
-from winding_reports.records.run_record import MarkerRow
+from winding_reports.records.run_record import MarkerRow, judge_lengths
 from winding_ros import topics
-from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_ros.topic import Topic
 from winding_supervisor.session.session import RunResult
 
@@ -145,11 +143,9 @@ def _clock_jumps(buffer: RunBuffer, topic: Topic) -> NDArray[np.float64]:
 def _refusals(buffer: RunBuffer) -> dict[str, dict[str, int]]:
     """Return how many messages each node has refused, by topic."""
     found: dict[str, dict[str, int]] = {}
-    for _, statuses in buffer.readings(topics.DIAGNOSTICS, decode_diagnostics):
-        for status in statuses:
-            node, _, component = status.name.partition(": ")
-            if component != "topics":
-                continue
+    for status in buffer.statuses():
+        node, _, component = status.name.partition(": ")
+        if component == "topics":
             found[node] = {
                 key.removeprefix(_REFUSED): int(value)
                 for key, value in status.values.items()

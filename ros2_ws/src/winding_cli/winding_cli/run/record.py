@@ -1,6 +1,6 @@
 """From the buffer of a run to the numbers of its report and its table."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from operator import attrgetter
 from typing import Any
@@ -16,14 +16,13 @@ from winding_cli.run.outcome import run_outcome
 from winding_core.arm.opening import open_arm
 from winding_core.cable.cases import published_markers
 from winding_core.cable.condition import Condition, ResolvedCondition
-from winding_core.cable.material_report import MaterialReport
 from winding_core.helix import curve_length
 from winding_core.machine.readings import AxisReading
-from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
+from winding_core.markers import MarkerFlag, is_wound
 from winding_core.parameters import Value, declarations, declared_in
 from winding_core.run_options import OperatorLimits, SolverOptions
 from winding_core.run_outcome import Extent
-from winding_recorder.live.run_buffer import Reading, RunBuffer
+from winding_recorder.live.run_buffer import RunBuffer
 from winding_reports.records.identity import (
     Identity,
     Origin,
@@ -34,9 +33,6 @@ from winding_reports.records.run_record import MarkerRow, MarkerSeries, RunRecor
 from winding_reports.trace import length_trace
 from winding_ros import topics
 from winding_ros.graph import RIG, parameters_of
-from winding_ros.messages.clouds import decode_cloud
-from winding_ros.messages.diagnostics import decode_case_votes, decode_diagnostics, decode_material
-from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
 from winding_supervisor.session.session import RunResult
 
@@ -82,11 +78,11 @@ def run_record(
     what = condition.resolved()
     case = what.case
     measured = [(t - buffer.origin, reading) for t, reading in buffer.axis_readings()]
-    commanded = _in_run(buffer, topics.JOINT_COMMANDS, decode_joint_state)
-    tension = _in_run(buffer, topics.TENSION, decode_tension)
-    tracked = _series(buffer, topics.TRACKED_MARKERS, MARKER_DTYPE, unseen=_UNSEEN)
-    predicted = _series(buffer, topics.FEM_MARKERS, MARKER_DTYPE, unseen=MarkerFlag.NOT_WOUND)
-    corrected = _series(buffer, topics.CORRECTED_MARKERS, CORRECTED_DTYPE)
+    commanded = _in_run(buffer, topics.JOINT_COMMANDS)
+    tension = _in_run(buffer, topics.TENSION)
+    tracked = _series(buffer, topics.TRACKED_MARKERS, unseen=_UNSEEN)
+    predicted = _series(buffer, topics.FEM_MARKERS, unseen=MarkerFlag.NOT_WOUND)
+    corrected = _series(buffer, topics.CORRECTED_MARKERS)
     begin = round(1e9 * buffer.origin)
     frames = buffer.stamps(topics.CAMERA_INFO) - begin
     answered = buffer.stamps(topics.TRACKED_MARKERS) - begin
@@ -101,7 +97,7 @@ def run_record(
     config = solver.config_of(what)
     rod = MarkerSeries.empty()
     if solver.element != "rod":
-        rod = _series(buffer, topics.FEM_PREDICTION, MARKER_DTYPE, unseen=MarkerFlag.NOT_WOUND)
+        rod = _series(buffer, topics.FEM_PREDICTION, unseen=MarkerFlag.NOT_WOUND)
     ahead = dict(zip(rod.id.tolist(), rod.s.tolist(), strict=True))
     reached = buffer.time
     missing = _gaps
@@ -176,7 +172,7 @@ def run_record(
             ),
         ),
         cable=last_cable(buffer, case, wish),
-        material=_material(buffer),
+        material=buffer.newest(topics.FEM_MATERIAL),
         element=solver.element,
         rod=rod,
         notes=(
@@ -216,30 +212,27 @@ def _mean_place(series: MarkerSeries, radius: float) -> dict[str, float]:
     }
 
 
-def _in_run(
-    buffer: RunBuffer, topic: Topic, decode: Callable[[Any], tuple[float, Reading]]
-) -> list[tuple[float, Reading]]:
+def _in_run(buffer: RunBuffer, topic: Topic) -> list[tuple[float, Any]]:
     """Return the readings of a topic, by the time since the run began."""
-    return [(t - buffer.origin, value) for t, value in buffer.readings(topic, decode)]
+    return [(t - buffer.origin, value) for t, value in buffer.readings(topic)]
 
 
-def _signal(readings: list[tuple[float, Reading]], of: Callable[[Reading], float]) -> Signal:
+def _signal(readings: Sequence[tuple[float, Any]], of: Callable[[Any], float]) -> Signal:
     return Signal(
         t=np.array([t for t, _ in readings]),
         value=np.array([of(reading) for _, reading in readings]),
     )
 
 
-def _series(
-    buffer: RunBuffer, topic: Topic, dtype: np.dtype[np.void], unseen: int = 0
-) -> MarkerSeries:
+def _series(buffer: RunBuffer, topic: Topic, unseen: int = 0) -> MarkerSeries:
     stamps, rows = [], []
-    for t, markers in buffer.clouds(topic, dtype):
+    for t, markers in _in_run(buffer, topic):
         seen = markers[((markers["flags"] & unseen) == 0) & np.isfinite(markers["s"])]
         rows.append(seen)
-        stamps.append(np.full(len(seen), t - buffer.origin))
-    joined = np.concatenate(rows) if rows else np.zeros(0, dtype=dtype)
-    return MarkerSeries.of_records(np.concatenate(stamps) if stamps else np.zeros(0), joined)
+        stamps.append(np.full(len(seen), t))
+    if not rows:
+        return MarkerSeries.empty()
+    return MarkerSeries.of_records(np.concatenate(stamps), np.concatenate(rows))
 
 
 def _arm_links(
@@ -275,10 +268,9 @@ def _gaps(stamps: NDArray[np.int64], _topic: Topic) -> int:
 
 
 def _final_corrections(buffer: RunBuffer) -> dict[int, np.void]:
-    last = buffer.newest(topics.CORRECTED_MARKERS, partial(decode_cloud, dtype=CORRECTED_DTYPE))
-    if last is None:
+    markers = buffer.newest(topics.CORRECTED_MARKERS)
+    if markers is None:
         return {}
-    _, markers = last
     return {int(marker["id"]): marker for marker in markers[is_wound(markers)]}
 
 
@@ -292,9 +284,9 @@ def _corrected(correction: np.void | None) -> dict[str, float]:
 
 def _facts(buffer: RunBuffer, corrected: Mapping[str, str]) -> dict[str, str]:
     facts = {}
-    votes = buffer.newest(topics.CORRECTION_CASE, decode_case_votes)
-    if votes is not None and votes[1]:
-        case, share = next(iter(votes[1].items()))
+    votes = buffer.newest(topics.CORRECTION_CASE)
+    if votes:
+        case, share = next(iter(votes.items()))
         facts["resembles"] = f"case {case}, {share:.0%} of the votes"
     if "weights" in corrected:
         facts["trained weight"] = corrected["weights"]
@@ -311,18 +303,12 @@ def _facts(buffer: RunBuffer, corrected: Mapping[str, str]) -> dict[str, str]:
     return facts
 
 
-def _material(buffer: RunBuffer) -> MaterialReport | None:
-    newest = buffer.newest(topics.FEM_MATERIAL, decode_material)
-    return None if newest is None else newest[1]
-
-
 def _last_status(buffer: RunBuffer, name: str) -> Mapping[str, str]:
     """Return the values of the last diagnostics of a node."""
     found: Mapping[str, str] = {}
-    for _, statuses in buffer.readings(topics.DIAGNOSTICS, decode_diagnostics):
-        for status in statuses:
-            if status.name == name:
-                found = status.values
+    for status in buffer.statuses():
+        if status.name == name:
+            found = status.values
     return found
 
 

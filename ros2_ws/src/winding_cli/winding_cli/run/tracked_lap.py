@@ -7,10 +7,8 @@ import numpy as np
 from cable_fem_node.identification import IdentificationError, TrackedRun
 from cable_fem_node.identification.steady import SteadyMarkers
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.markers import MARKER_DTYPE
 from winding_recorder.live.run_buffer import RunBuffer, buffered_inputs
 from winding_ros import topics
-from winding_ros.messages.diagnostics import decode_diagnostics
 from winding_study.commissioning.design import SEEN_AFTER
 from winding_study.commissioning.motion import Motion
 
@@ -36,7 +34,7 @@ def measured_run(
     times = inputs["t"][inputs["cylinder_angle"] >= end - _LAPS * 2.0 * math.pi]
     last_lap = buffer.origin + float(times[0])
     steady = SteadyMarkers()
-    for t, markers in buffer.clouds(topics.TRACKED_MARKERS, MARKER_DTYPE):
+    for t, markers in buffer.readings(topics.TRACKED_MARKERS):
         if t >= last_lap:
             steady.add(markers[markers["theta"] < end - SEEN_AFTER])
     readings = steady.readings()
@@ -48,10 +46,9 @@ def measured_run(
 
 def _clock(buffer: RunBuffer) -> str:
     values: dict[str, str] = {}
-    for _, statuses in buffer.readings(topics.DIAGNOSTICS, decode_diagnostics):
-        for status in statuses:
-            if "camera_clock_offset_ms" in status.values:
-                values = dict(status.values)
+    for status in buffer.statuses():
+        if "camera_clock_offset_ms" in status.values:
+            values = dict(status.values)
     offset, error = (
         float(values.get(f"camera_clock_offset{name}_ms", "nan")) for name in ("", "_error")
     )

@@ -20,15 +20,13 @@ from winding_cli.terminal.refusal import FAILED, complain, fail, refused
 from winding_cli.terminal.termination import end
 from winding_core.cable.cases import Case
 from winding_core.cable.condition import Condition
-from winding_core.markers import CORRECTED_DTYPE, MARKER_DTYPE, is_wound
+from winding_core.markers import is_wound
 from winding_core.run_outcome import EndedBy
 from winding_core.units import MILLIMETRE
 from winding_recorder.live.recorder import RecorderError
 from winding_recorder.live.run_buffer import RunBuffer
 from winding_ros import topics
 from winding_ros.graph import GraphError
-from winding_ros.messages.clouds import decode_cloud
-from winding_ros.messages.rig import decode_joint_state, decode_tension
 from winding_ros.topic import Topic
 from winding_supervisor.session.domain_lock import DomainError
 from winding_supervisor.session.run import Run, opened_run
@@ -104,9 +102,8 @@ def _picture(condition: Condition, buffer: RunBuffer, wall: float) -> Renderable
         return Text("waiting for the first encoder sample")
     _, measured = reading
     t = buffer.time
-    command = buffer.newest(topics.JOINT_COMMANDS, decode_joint_state)
-    wanted = command[1] if command is not None else None
-    tension = buffer.newest(topics.TENSION, decode_tension)
+    wanted = buffer.newest(topics.JOINT_COMMANDS)
+    tension = buffer.newest(topics.TENSION)
     machine = Table.grid(padding=(0, 2))
     machine.add_row(
         "simulated",
@@ -125,7 +122,7 @@ def _picture(condition: Condition, buffer: RunBuffer, wall: float) -> Renderable
         f"target {wanted.feed_speed / MILLIMETRE:.3f}" if wanted else "",
         f"{measured.carriage_position / MILLIMETRE:.1f} mm",
     )
-    machine.add_row("tension", f"{tension[1]:6.3f} N" if tension is not None else "-")
+    machine.add_row("tension", f"{tension:6.3f} N" if tension is not None else "-")
     bar = ProgressBar(total=condition.duration, completed=min(t, condition.duration), width=60)
     return Group(bar, machine, _lengths(condition.resolved().case, buffer))
 
@@ -147,10 +144,8 @@ def _lengths(case: Case, buffer: RunBuffer) -> Table:
 
 
 def _markers(buffer: RunBuffer, topic: Topic) -> dict[int, float]:
-    dtype = CORRECTED_DTYPE if topic is topics.CORRECTED_MARKERS else MARKER_DTYPE
-    newest = buffer.newest(topic, partial(decode_cloud, dtype=dtype))
-    if newest is None:
+    markers = buffer.newest(topic)
+    if markers is None:
         return {}
-    _, markers = newest
     wound = markers[is_wound(markers)]
     return dict(zip(wound["id"].tolist(), wound["s"].tolist(), strict=True))

@@ -44,6 +44,13 @@ class Shown(NamedTuple):
         return format(value if self.unit == 1.0 else value / self.unit, self.form)
 
 
+def six_digits(value: object) -> str:
+    """Return a value of any kind as it is shown, a number to six digits."""
+    if value is None:
+        return MISSING
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
 def record_table(
     columns: Iterable[Shown], records: Iterable[Any], *, words: int = 0, **settings: Any
 ) -> Table:

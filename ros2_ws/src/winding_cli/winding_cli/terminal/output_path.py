@@ -132,6 +132,13 @@ def print_aside() -> None:
     sys.stdout = sys.stderr
 
 
+def write_text(path: Path | None, text: str) -> None:
+    """Write a text into a file; None writes nothing."""
+    if path is not None:
+        with staged(path) as place:
+            place.write_text(text, encoding="utf-8")
+
+
 def write_json(path: Path | None, content: object) -> None:
     """Write JSON into a file, or to standard output; None writes nothing."""
     if path is None:
@@ -139,9 +146,8 @@ def write_json(path: Path | None, content: object) -> None:
     text = json_format.dumps(content, indent=1)
     if path == STANDARD_OUTPUT:
         print(text, file=_results.get(sys.stdout), flush=True)
-        return
-    with staged(path) as place:
-        place.write_text(text + "\n", encoding="utf-8")
+    else:
+        write_text(path, text + "\n")
 
 
 def by_suffix(files: Iterable[Path], given: Mapping[str, Path | None]) -> list[Path | None]:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -16,8 +16,6 @@ NONE, TWIST, TRAJECTORY, POSITIONS = "none", "twist", "trajectory", "positions"
 ACTION = "action"
 # What commands joints, and so needs the arm's kinematics.
 _OF_JOINTS = (TRAJECTORY, POSITIONS, ACTION)
-_SECTIONS = ("cylinder", "guide", "winder_axis", "commands", "path")
-Section = TypeVar("Section")
 
 
 class MappingError(ValueError):
@@ -122,6 +120,12 @@ class ArmMapping:
     path: SimulatedPath = field(default_factory=SimulatedPath)  # Of the simulated machine's arm
 
 
+_SECTIONS = {
+    "cylinder": Cylinder, "guide": Guide, "winder_axis": WinderAxis, "commands": Commands,
+    "path": SimulatedPath,
+}  # fmt: skip
+
+
 def read_mapping(path: Path) -> ArmMapping:
     """Return a mapping file's content; file names in it are relative to its folder.
 
@@ -147,13 +151,8 @@ def parse_mapping(text: str, folder: Path) -> ArmMapping:
         if not isinstance(top, dict):
             raise MappingError(f"the file must be a mapping of {', '.join(_SECTIONS)}")
         refuse_unknown(top, _SECTIONS, owner="the file")
-        mapping = ArmMapping(
-            cylinder=_section(Cylinder, top, "cylinder"),
-            guide=_section(Guide, top, "guide"),
-            winder_axis=_section(WinderAxis, top, "winder_axis"),
-            commands=_section(Commands, top, "commands"),
-            path=_section(SimulatedPath, top, "path"),
-        )
+        sections: dict[str, Any] = {name: _section(name, top) for name in _SECTIONS}
+        mapping = ArmMapping(**sections)
     except (YamlTextError, ParameterError) as error:
         raise MappingError(str(error)) from None
     guide, commands = mapping.guide, mapping.commands
@@ -179,8 +178,8 @@ def parse_mapping(text: str, folder: Path) -> ArmMapping:
     return replace(mapping, guide=replace(guide, urdf=file))
 
 
-def _section(kind: type[Section], top: dict[str, Any], name: str) -> Section:
+def _section(name: str, top: dict[str, Any]) -> object:
     values = top.get(name, {})
     if not isinstance(values, dict):
         raise MappingError(f"{name} must be a mapping of names, got {values!r}")
-    return build(kind, values, owner=name)
+    return build(_SECTIONS[name], values, owner=name)

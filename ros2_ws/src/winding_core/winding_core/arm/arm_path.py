@@ -151,7 +151,8 @@ class ArmPath:
             )
         for end in (low, high):
             joints = self.start
-            for along in self._places(end):
+            count = max(2, math.ceil(abs(end) / LOOK) + 1)
+            for along in np.linspace(0.0, end, count).tolist():
                 joints = self.joints_at(along, joints)
                 self._check_at(along, joints, speed)
                 self._check_clearance(along, joints, (low, high), cylinder_radius)
@@ -174,10 +175,6 @@ class ArmPath:
                 f"{(near - cylinder_radius) / MILLIMETRE:.0f} mm to the cylinder, its clearance is "
                 f"{clearance / MILLIMETRE:.0f} mm"
             )
-
-    def _places(self, end: float) -> list[float]:
-        places: list[float] = np.linspace(0.0, end, max(2, math.ceil(abs(end) / LOOK) + 1)).tolist()
-        return places
 
     def _distance(self, joints: FloatArray, low: float, high: float) -> float:
         """Return how near the links come to the axis between two places on it [m]."""

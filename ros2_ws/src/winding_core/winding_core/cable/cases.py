@@ -162,36 +162,17 @@ def paper_case(number: int) -> Case:
     conditions = published_conditions()
     if number not in conditions:
         raise ValueError(f"case must be one of 1 to {len(conditions)}, got {number}")
-    row = conditions[number]
-    return Case(
-        number=row.case,
-        cylinder_diameter=row.cylinder_diameter,
-        cable_diameter=row.cable_diameter,
-        weight=row.weight,
-        marker_spacing=row.marker_spacing,
-    )
+    return conditions[number]
 
 
 def paper_cases() -> tuple[Case, ...]:
     """Return the twelve cases of Table 1 in order."""
-    return tuple(paper_case(number) for number in published_conditions())
+    return tuple(published_conditions().values())
 
 
 def _positive(name: str, value: float, unit: str = "") -> None:
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} must be positive and finite, got {value} {unit}".rstrip())
-
-
-@dataclass(frozen=True, kw_only=True)
-class PublishedCondition:
-    """One row of Table 1, in SI."""
-
-    case: int  # 1 to 12.
-    cylinder_diameter: float  # [m].
-    cable_diameter: float  # [m].
-    nominal_stress: float  # Weight over the undeformed section [Pa].
-    weight: float  # [N].
-    marker_spacing: float  # Along the undeformed cable [m].
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -218,14 +199,13 @@ class PublishedMarker:
 
 
 @cache
-def published_conditions() -> dict[int, PublishedCondition]:
+def published_conditions() -> dict[int, Case]:
     """Return Table 1 by case number."""
     return {
-        int(row["case"]): PublishedCondition(
-            case=int(row["case"]),
+        int(row["case"]): Case(
+            number=int(row["case"]),
             cylinder_diameter=float(row["cylinder_diameter_mm"]) * MILLIMETRE,
             cable_diameter=float(row["cable_diameter_mm"]) * MILLIMETRE,
-            nominal_stress=float(row["tension_mpa"]) * MEGAPASCAL,
             weight=float(row["weight_n"]),
             marker_spacing=float(row["marker_spacing_mm"]) * MILLIMETRE,
         )

@@ -8,6 +8,13 @@ from winding_core.cable.condition import ResolvedCondition
 from winding_core.machine.drum import Drum
 from winding_core.units import MILLIMETRE
 
+# Numbers that a status carries beside the case, with their units; and those of the flanges.
+_NUMBERS = {
+    "cylinder_diameter": "m", "cable_diameter": "m", "weight": "N", "duration": "s",
+    "ramp_time": "s",
+}  # fmt: skip
+_OF_FLANGES = ("low", "high", "radius")
+
 
 @dataclass(frozen=True, kw_only=True)
 class Flanges:
@@ -51,41 +58,30 @@ class WoundLabel:
     @classmethod
     def from_values(cls, values: Mapping[str, str]) -> Self | None:
         """Return the label that diagnostics carry; None where they carry none."""
+        numbers: dict[str, float] = {}
+        ends: dict[str, float] = {}
         try:
-            flanges = None
+            for name, unit in _NUMBERS.items():
+                # Older recordings have no ramp.
+                if name != "ramp_time" or f"{name} [{unit}]" in values:
+                    numbers[name] = float(values[f"{name} [{unit}]"])
             if "flange_radius [m]" in values:
-                flanges = Flanges(
-                    low=float(values["flange_low [m]"]),
-                    high=float(values["flange_high [m]"]),
-                    radius=float(values["flange_radius [m]"]),
-                )
+                ends = {name: float(values[f"flange_{name} [m]"]) for name in _OF_FLANGES}
             return cls(
-                case=int(values["case"]),
-                cylinder_diameter=float(values["cylinder_diameter [m]"]),
-                cable_diameter=float(values["cable_diameter [m]"]),
-                weight=float(values["weight [N]"]),
-                duration=float(values["duration [s]"]),
-                ramp_time=float(values.get("ramp_time [s]", 0.0)),
-                flanges=flanges,
+                case=int(values["case"]), flanges=Flanges(**ends) if ends else None, **numbers
             )
         except (KeyError, ValueError):
             return None
 
     def values(self) -> dict[str, str]:
         """Return the label as values of a status."""
-        found = {
-            "case": str(self.case),
-            "cylinder_diameter [m]": f"{self.cylinder_diameter:.6g}",
-            "cable_diameter [m]": f"{self.cable_diameter:.6g}",
-            "weight [N]": f"{self.weight:.6g}",
-            "duration [s]": f"{self.duration:.6g}",
-            "ramp_time [s]": f"{self.ramp_time:.6g}",
+        found = {"case": str(self.case)}
+        found |= {
+            f"{name} [{unit}]": f"{getattr(self, name):.6g}" for name, unit in _NUMBERS.items()
         }
         if self.flanges is not None:
             found |= {
-                "flange_low [m]": f"{self.flanges.low:.6g}",
-                "flange_high [m]": f"{self.flanges.high:.6g}",
-                "flange_radius [m]": f"{self.flanges.radius:.6g}",
+                f"flange_{name} [m]": f"{getattr(self.flanges, name):.6g}" for name in _OF_FLANGES
             }
         return found
 

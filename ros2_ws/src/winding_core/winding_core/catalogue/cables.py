@@ -186,16 +186,16 @@ def _cable(path: Path, content: CellFile, *, shipped: bool) -> Cable:
             try:
                 typed_values(kind, {key: value})
             except ParameterError as error:
-                content.place(section, key).refuse(error)
+                content.places[section, key].refuse(error)
     for section in ("cable", "sources"):
         for key, value in parts[section].items():
             if not isinstance(value, str):
-                content.place(section, key).refuse(f"{key} must be a text, got {value!r}")
+                content.places[section, key].refuse(f"{key} must be a text, got {value!r}")
     for key, value in parts["uncertainty"].items():
         try:
             _check_uncertainty(key, value, parts["properties"])
         except ParameterError as error:
-            content.place("uncertainty", key).refuse(error)
+            content.places["uncertainty", key].refuse(error)
     head: dict[str, Any] = parts.pop("cable")
     rest: dict[str, Any] = parts
     try:

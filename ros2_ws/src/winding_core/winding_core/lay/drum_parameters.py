@@ -1,9 +1,9 @@
 """The drum as options: flanges, grooves, and the turns that fill it between them."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, Self
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from winding_core.cable.cases import Case
 from winding_core.lay.layers import FULL_TURN, ROUNDING, WINDINGS, Layer, WoundDrum, layer_rise
 from winding_core.machine.drum import START_SIDES, Drum, DrumError
-from winding_core.parameters import ParameterError, Spelling, parameter, typed_values
+from winding_core.parameters import ParameterError, Spelling, parameter, typed_record
 from winding_core.units import LENGTH, LONG_LENGTH, MILLIMETRE, PLAIN, TURNS
 
 Array = NDArray[np.float64]
@@ -147,16 +147,17 @@ class DrumWinding:
             begun, done = begun + float(angle[-1]), done + float(steps.sum())
             if length is not None and done >= length * (1.0 - ROUNDING):
                 break
-        return _wound(
-            drum,
-            diameter,
-            self.winding,
-            pitch,
-            np.array(radii),
-            np.concatenate(theta),
-            np.concatenate(z),
-            np.concatenate(layer),
+        wound = WoundDrum(
+            drum=drum,
+            cable_diameter=diameter,
+            winding=self.winding,
+            pitch=pitch,
+            layers=(),
+            theta=np.concatenate(theta),
+            z=np.concatenate(z),
+            layer=np.concatenate(layer),
         )
+        return replace(wound, layers=tuple(_layers(wound, radii)))
 
     def _layer(self, k: int, room: float, pitch: float, *, last: bool) -> tuple[Array, Array]:
         """Return angles [rad] and distances from P0 [m] of layer k, and of the change after it."""
@@ -184,46 +185,26 @@ class DrumWinding:
         return angle, np.append(np.repeat(places, 2), places[-1] if last else after)
 
 
-def _wound(
-    drum: Drum,
-    diameter: float,
-    winding: str,
-    pitch: float,
-    radii: Array,
-    theta: Array,
-    z: Array,
-    layer: NDArray[np.intp],
-) -> WoundDrum:
-    steps = np.hypot(radii[layer[:-1]] * np.diff(theta), np.diff(z))
-    layers = []
-    for k, radius in enumerate(radii.tolist()):
-        inside = np.flatnonzero(layer[:-1] == k)
+def _layers(wound: WoundDrum, radii: list[float]) -> Iterator[Layer]:
+    """Yield the layers of a path, whose centre lines have radii [m]."""
+    theta, z, layer = wound.theta, wound.z, wound.layer[:-1]
+    steps = np.hypot(np.array(radii)[layer] * np.diff(theta), np.diff(z))
+    for k, radius in enumerate(radii):
+        inside = np.flatnonzero(layer == k)
         start, end = float(theta[inside[0]]), float(theta[inside[-1] + 1])
         # The last of an orthocyclic one crosses to the next layer already.
-        reached = inside[-1] + (winding != "orthocyclic")
+        reached = inside[-1] + (wound.winding != "orthocyclic")
         begun = start + FULL_TURN * np.arange(math.ceil((end - start) / FULL_TURN - ROUNDING))
-        layers.append(
-            Layer(
-                number=k + 1,
-                first_turn=start / FULL_TURN,
-                last_turn=end / FULL_TURN,
-                direction=int(drum.sign) * (1 if k % 2 == 0 else -1),
-                radius=radius,
-                z=np.interp(begun, theta, z),
-                last_z=float(z[reached]),
-                length=float(steps[inside].sum()),
-            )
+        yield Layer(
+            number=k + 1,
+            first_turn=start / FULL_TURN,
+            last_turn=end / FULL_TURN,
+            direction=int(wound.drum.sign) * (1 if k % 2 == 0 else -1),
+            radius=radius,
+            z=np.interp(begun, theta, z),
+            last_z=float(z[reached]),
+            length=float(steps[inside].sum()),
         )
-    return WoundDrum(
-        drum=drum,
-        cable_diameter=diameter,
-        winding=winding,
-        pitch=pitch,
-        layers=tuple(layers),
-        theta=theta,
-        z=z,
-        layer=layer,
-    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -303,8 +284,7 @@ class DrumParameters(DrumShape):
         Raises:
             ParameterError: A value is refused, or has no meaning beside the others.
         """
-        values: dict[str, Any] = typed_values(cls, typed, spelling)
-        found = cls(**values)
+        found = typed_record(cls, typed, spelling)
         if not typed:
             return found
         width, flange = spelling("drum_width_mm"), spelling("flange_mm")

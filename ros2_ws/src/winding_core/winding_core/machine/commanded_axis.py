@@ -29,6 +29,16 @@ class MotionLimits:
     low: float = -math.inf  # Start of its travel [rad or m]
     high: float = math.inf  # End of its travel [rad or m]
 
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise ValueError(
+                f"the {self.name}'s travel must end above its start, "
+                f"got {self.low:g} to {self.high:g} {self.unit}"
+            )
+        for name in ("speed", "acceleration"):
+            if not getattr(self, name) > 0.0:
+                raise ValueError(f"{name} must be positive, got {getattr(self, name)}")
+
     @property
     def unit(self) -> str:
         """Unit of its way."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, fields
 from typing import Protocol
 
 import numpy as np
@@ -134,11 +134,5 @@ def fit_rig_tension(
 
 
 def _law_of(numbers: Sequence[float] | Array) -> RigTension:
-    offset, share, gain, start, length = (float(number) for number in numbers)
-    return RigTension(
-        offset=offset,
-        weight_share=share,
-        diameter_gain=gain,
-        start_share=start,
-        build_up_length=length,
-    )
+    names = (item.name for item in fields(RigTension))
+    return RigTension(**dict(zip(names, map(float, numbers), strict=True)))

@@ -54,9 +54,13 @@ class Found:
     def add(self, topic: str, arrived: int) -> FoundTopic:
         """Count a message that arrived at a bag time [ns]; return its topic."""
         self.counts[topic] += 1
-        self.first = arrived if self.first is None else min(self.first, arrived)
-        self.last = arrived if self.last is None else max(self.last, arrived)
+        self.reach(arrived)
         return self.topics[topic]
+
+    def reach(self, moment: int) -> None:
+        """Extend first and last to a bag time [ns]."""
+        self.first = moment if self.first is None else min(self.first, moment)
+        self.last = moment if self.last is None else max(self.last, moment)
 
     @property
     def messages(self) -> int:
@@ -89,8 +93,7 @@ def _contradictions(declared: Mapping[str, Any], found: Mapping[str, Found]) -> 
         whole.counts += each.counts
         for moment in (each.first, each.last):
             if moment is not None:
-                whole.first = moment if whole.first is None else min(whole.first, moment)
-                whole.last = moment if whole.last is None else max(whole.last, moment)
+                whole.reach(moment)
     yield from _topics(declared["topics_with_message_count"], whole)
     yield from _span("in all", declared, whole)
     for name in sorted({*files, *found}):
@@ -301,14 +304,11 @@ def _sqlite(path: Path, found: Found, verdict: Verdict) -> Messages:
             "SELECT topic_id, timestamp, data FROM messages ORDER BY id"
         ):
             yield names[key], stamp, stamp, data
-        found.inner = _inner_of(connection)
+        newest = "SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1"
+        for (text,) in connection.execute(newest):
+            found.inner = str(text)
     finally:
         connection.close()
-
-
-def _inner_of(connection: sqlite3.Connection) -> str:
-    row = connection.execute("SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1").fetchone()
-    return str(row[0]) if row else ""
 
 
 def _check_messages(path: Path, messages: Messages, decoder: Decoder, verdict: Verdict) -> None:

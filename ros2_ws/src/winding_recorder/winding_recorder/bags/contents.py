@@ -12,7 +12,7 @@ import numpy as np
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 
-from winding_core.parameters import build, declarations
+from winding_core.parameters import build, declared_in
 from winding_recorder.bags.description import LOST, PARAMETERS, BagError, reason
 from winding_recorder.bags.reading import opened, read_notes, storage_files
 
@@ -167,6 +167,4 @@ def configuration_of(
     Raises:
         ParameterError: A value is refused.
     """
-    known = {item.name for item in declarations(declared)}
-    own = {name: value for name, value in values.items() if name in known}
-    return build(declared, own, owner=node)
+    return build(declared, declared_in(declared, values), owner=node)

@@ -68,7 +68,8 @@ def scan(path: Path, result: Scan) -> Iterator[ScannedChunk]:
         try:
             for record in reader.records:
                 if isinstance(record, Chunk):
-                    length = _record_bytes(record)
+                    content = len(record.compression) + len(record.data)
+                    length = _RECORD_HEADER.size + 32 + 8 + content
                     yield _opened(record, file.tell() - length, result)
                 else:
                     _note(record, result)
@@ -137,10 +138,6 @@ def _chunk_at(file: BinaryIO, index: ChunkIndex) -> Chunk:
     if not isinstance(chunk, Chunk):
         raise ValueError(f"there is no chunk at byte {index.chunk_start_offset}")
     return chunk
-
-
-def _record_bytes(chunk: Chunk) -> int:
-    return _RECORD_HEADER.size + 32 + 8 + len(chunk.compression) + len(chunk.data)
 
 
 def _opened(chunk: Chunk, offset: int, result: Scan) -> ScannedChunk:

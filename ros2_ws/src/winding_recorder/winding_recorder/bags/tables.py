@@ -112,7 +112,8 @@ def _rows(t: float, message: Any) -> list[Row]:
     if kind == _JOINTS:
         return [{"t": t, **_joints(message)}]
     if kind == _MARKER:
-        return [{"t": t, "point": k, "x": p.x, "y": p.y, "z": p.z} for k, p in _numbered(message)]
+        points = enumerate(message.points)
+        return [{"t": t, "point": k, "x": p.x, "y": p.y, "z": p.z} for k, p in points]
     if kind == _DIAGNOSTICS:
         return [{"t": t, **entry} for entry in _entries(message)]
     row = {"t": t}
@@ -121,10 +122,6 @@ def _rows(t: float, message: Any) -> list[Row]:
             continue
         row |= _columns(name, getattr(message, name))
     return [row]
-
-
-def _numbered(message: Any) -> Iterable[tuple[int, Any]]:
-    return enumerate(message.points)
 
 
 def _points(message: Any) -> list[Row]:

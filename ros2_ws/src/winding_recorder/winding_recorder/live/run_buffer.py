@@ -10,14 +10,15 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
 
 from winding_core.history import History
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.readings import AxisReading
-from winding_core.run_inputs import INPUT_DTYPE, RunInputs
+from winding_core.run_inputs import AXES, INPUT_DTYPE, RunInputs
+from winding_core.status import Status
 from winding_ros import topics
-from winding_ros.messages.clouds import decode_cloud
-from winding_ros.messages.rig import JointStateReader, decode_tension
+from winding_ros.messages.rig import JointStateReader
 from winding_ros.messages.serialised import MessageError, deserialised
 from winding_ros.topic import Topic
 
@@ -173,25 +174,21 @@ class RunBuffer:
         """Time of the run that the encoder has reached [s]; 0 while it has not begun."""
         return max(self.last_stamp(topics.JOINT_STATES) - self.origin, 0.0)
 
-    def readings(
-        self, topic: Topic, decode: Callable[[Any], Reading], since: float = 0.0
-    ) -> Iterator[Reading]:
-        """Yield what a decoder makes of a topic's messages.
+    def readings(self, topic: Topic, since: float = 0.0) -> Iterator[tuple[float, Any]]:
+        """Yield (t [s], content) of a topic's messages.
 
         Those that cannot be used are left out: the nodes that read them live refuse the same.
 
         Args:
             topic: Whose messages.
-            decode: Raises MessageError for a message that cannot be used.
             since: Leaves out what came before this monotonic wall time [s].
         """
-        return self._decoded(topic, lambda data: decode(deserialised(data, topic.type)), since)
+        return self._decoded(topic, partial(_content, topic), since)
 
-    def clouds(
-        self, topic: Topic, dtype: np.dtype[np.void]
-    ) -> Iterator[tuple[float, NDArray[np.void]]]:
-        """Yield (t [s], records of the given dtype, shape (n,)) of a topic's usable clouds."""
-        return self._decoded(topic, partial(decode_cloud, dtype=dtype), 0.0)
+    def statuses(self) -> Iterator[Status]:
+        """Yield every status of /diagnostics."""
+        for _, statuses in self.readings(topics.DIAGNOSTICS):
+            yield from statuses
 
     def axis_readings(self, since: float = 0.0) -> Iterator[tuple[float, AxisReading]]:
         """Yield (t [s], reading) of the usable joint states.
@@ -229,14 +226,20 @@ class RunBuffer:
             count *= 4
         return found
 
-    def newest(self, topic: Topic, decode: Callable[[Any], Reading]) -> Reading | None:
-        """Return the last that a decoder makes of a topic's messages; None before the first."""
+    def newest(self, topic: Topic) -> Any:
+        """Return the content of the last usable message of a topic; None before the first."""
         for message in reversed(self.messages.get(topic.name, ())):
             try:
-                return decode(deserialised(message.data, topic.type))
+                return _content(topic, message.data)[1]
             except MessageError:
                 continue
         return None
+
+
+def _content(topic: Topic, data: bytes) -> tuple[float, Any]:
+    # Clouds, which are many and long, are read from their bytes.
+    cloud = topic.type is PointCloud2
+    return topic.decode(data if cloud else deserialised(data, topic.type))
 
 
 def _room(topic: Topic, span: float) -> int:
@@ -254,10 +257,10 @@ def buffered_inputs(buffer: RunBuffer, since: float = 0.0) -> RunInputs:
         since: Leaves out what came before this monotonic wall time [s].
     """
     readings = list(buffer.axis_readings(since))
-    tensions = list(buffer.readings(topics.TENSION, decode_tension, since))
+    tensions = list(buffer.readings(topics.TENSION, since))
     samples = np.full(len(readings), np.nan, dtype=INPUT_DTYPE)
     samples["t"] = [t for t, _ in readings]
-    for name in ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed"):
+    for name in AXES:
         samples[name] = [getattr(reading, name) for _, reading in readings]
     for k, (_, reading) in enumerate(readings):
         if reading.guide is not None:

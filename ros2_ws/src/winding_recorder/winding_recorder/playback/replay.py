@@ -23,14 +23,7 @@ from winding_recorder.bags.description import BagError
 from winding_recorder.bags.reading import Decoder, opened, stamped_messages
 from winding_recorder.bags.tables import Row, rows_of
 from winding_ros import topics
-from winding_ros.graph import (
-    COMPRESSED_TRACKER,
-    CORRECTION,
-    FEM,
-    TRACKER,
-    NodeSpec,
-    parameters_of,
-)
+from winding_ros.graph import COMPRESSED_TRACKER, CORRECTION, FEM, TRACKER, NodeSpec, parameters_of
 from winding_ros.messages.serialised import MessageError
 from winding_ros.messages.stamps import decode_stamp, serialised_stamp_ns
 from winding_ros.runtime.message_handler import Answer, MessageHandler

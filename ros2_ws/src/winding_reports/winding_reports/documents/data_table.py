@@ -8,6 +8,7 @@ from pathlib import Path
 from statistics import fmean
 from typing import Any
 
+from winding_core.units import known
 from winding_reports.documents.page import MISSING
 
 Value = int | float | str | None
@@ -119,11 +120,6 @@ class DataTable:
         names = [column.name for column in self.columns]
         columns = {name: [known(value) for value in self.column(name)] for name in names}
         pq.write_table(pa.table(columns), path)
-
-
-def known(value: Value) -> Value:
-    """Return a value, or None in place of a number that is not finite, which JSON has not."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _text(value: Value, digits: int) -> str:

@@ -26,7 +26,7 @@ from winding_core.lay.records import (
     LayControlRecords,
     LayRecords,
 )
-from winding_core.units import known
+from winding_core.units import json_values, known
 
 Array = NDArray[np.float64]
 
@@ -48,12 +48,8 @@ def drum_outcome(
     landed = control["theta"][order], control["z"][order].astype(float)
     drum = wound.drum
     return {
-        "width_m": drum.width,
-        "flange_height_m": drum.flange_height,
-        "start_side": drum.start_side,
-        "winding": wound.winding,
-        "pitch_m": wound.pitch,
-        "cable_diameter_m": wound.cable_diameter,
+        **json_values(drum, "width_m", "flange_height_m", "start_side"),
+        **json_values(wound, "winding", "pitch_m", "cable_diameter_m"),
         "faults": list(faults),
         "layers": [_layer(layer, wound, landed, places) for layer in wound.layers],
     }
@@ -72,11 +68,7 @@ def _layer(
         measured[k] = float(own["z"][at == k].mean())
     estimated = np.interp(theta, *landed, left=np.nan, right=np.nan)
     return {
-        "number": layer.number,
-        "radius_m": layer.radius,
-        "direction": layer.direction,
-        "first_turn": layer.first_turn,
-        "last_turn": layer.last_turn,
+        **json_values(layer, "number", "radius_m", "direction", "first_turn", "last_turn"),
         "measured_share": float(np.mean(np.isfinite(measured))),
         "theta_rad": theta.tolist(),
         "wanted_z_m": np.interp(theta, wound.theta, wound.z).tolist(),
@@ -252,23 +244,18 @@ def outcome_json(lay: LayOutcome) -> dict[str, Any]:
             {
                 "turn": turn.number,
                 "judged": turn.number >= FIRST_JUDGED,
-                "whole": turn.whole,
-                "wanted_z_m": turn.wanted_z,
-                "measured_z_m": turn.measured_z,
                 "error_mean_m": turn.mean,
                 "error_rms_m": turn.rms,
                 "error_largest_m": turn.largest,
-                "sigma_z_m": known(turn.sigma_z),
+                **json_values(turn, "whole", "wanted_z_m", "measured_z_m", "sigma_z_m"),
                 "without_control_error_mean_m": by_turn[turn.number].mean
                 if turn.number in by_turn
                 else None,
             }
             for turn in lay.turns
         ],
-        "free_length_m": known(lay.free_length),
-        "sigma_free_length_m": known(lay.sigma_free_length),
-        "load_share": known(lay.load_share),
-        "sigma_load_share": known(lay.sigma_load_share),
+        **json_values(lay, "free_length_m", "sigma_free_length_m"),
+        **json_values(lay, "load_share", "sigma_load_share"),
         "markers": [
             {
                 "id": landing.number,
@@ -279,7 +266,6 @@ def outcome_json(lay: LayOutcome) -> dict[str, Any]:
             for landing in lay.landings
         ],
         "basis_shares": {basis.name.lower(): share for basis, share in lay.basis_shares.items()},
-        "limited_share": lay.limited_share,
-        "drive_share": lay.drive_share,
+        **json_values(lay, "limited_share", "drive_share"),
         **({} if lay.drum is None else {"drum": dict(lay.drum)}),
     }

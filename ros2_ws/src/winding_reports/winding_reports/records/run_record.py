@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, Self
@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 
 from winding_core.cable.cases import Case, PublishedMarker, published_markers
 from winding_core.cable.material_report import MaterialReport
-from winding_core.error_verdict import ErrorVerdict, error_pct
+from winding_core.error_verdict import CAMERA, EXPERIMENT, ErrorVerdict, MarkerError, error_pct
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.drum import Drum
 from winding_core.markers import MARKER_DTYPE, Markers
 from winding_core.run_outcome import RunOutcome
-from winding_core.units import known
+from winding_core.units import json_values
 from winding_reports.records.identity import Identity
 from winding_reports.records.lay_outcome import LayOutcome, outcome_json
 from winding_reports.trace import LengthTrace, hop_costs
@@ -153,6 +153,43 @@ class MarkerRow:
         return self.h_held_out * self.s_fem
 
 
+def judge_lengths(
+    rows: Sequence[MarkerRow],
+    limit_pct: float,
+    *,
+    published: bool,
+    asked: int | None = None,
+    ended: bool = True,
+) -> ErrorVerdict:
+    """Return what the lengths of a run are worth.
+
+    Args:
+        rows: Of every marker.
+        limit_pct: Largest error that counts as good [%].
+        published: Whether the paper's experiment is the measure; else the run's own camera.
+        asked: How many of them were to be judged; None for those with a predicted length.
+        ended: Whether the run came to its end.
+    """
+    errors = []
+    for row in rows:
+        measured = row.s_published if published else row.s_tracked
+        errors.append(
+            MarkerError(
+                id=row.id,
+                predicted=error_pct(measured, row.s_fem),
+                corrected=error_pct(measured, row.s_corrected),
+                held_out=error_pct(measured, row.s_held_out),
+            )
+        )
+    return ErrorVerdict(
+        limit_pct=limit_pct,
+        against=EXPERIMENT if published else CAMERA,
+        errors=tuple(errors),
+        asked=sum(row.s_fem is not None for row in rows) if asked is None else asked,
+        ended=ended,
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
 class RunRecord(AxisSpeeds):
     """A finished run."""
@@ -235,21 +272,13 @@ def run_json(record: RunRecord) -> dict[str, Any]:
         "markers": [
             {
                 "id": row.id,
-                **{
-                    key: known(getattr(row, key.removesuffix("_m").removesuffix("_rad")))
-                    for key in _OF_A_ROW
-                },
+                **json_values(row, *_OF_A_ROW, *([] if record.element == "rod" else ["s_rod_m"])),
                 "error_held_out_pct": error_pct(row.s_published, row.s_held_out),
-                **({} if record.element == "rod" else {"s_rod_m": known(row.s_rod)}),
             }
             for row in record.rows
         ],
-        "frames": record.frames,
-        "frames_lost": record.frames_lost,
-        "joint_states": record.joint_states,
-        "joint_states_lost": record.joint_states_lost,
-        "wall_s": known(record.wall_s),
-        "sim_s": known(record.sim_s),
+        **json_values(record, "frames", "frames_lost", "joint_states", "joint_states_lost"),
+        **json_values(record, "wall_s", "sim_s"),
         "error_verdict": record.verdict.as_json(),
         **({} if record.material is None else {"material": _material_json(record.material)}),
         **({} if record.trace is None else {"trace": _trace_json(record.trace)}),
@@ -265,12 +294,8 @@ def _lay_json(lay: LayOutcome) -> dict[str, Any]:
 
 def _material_json(material: MaterialReport) -> dict[str, Any]:
     return {
-        "law": material.law,
-        "young_pa": known(material.young),
-        "standard_error_pa": known(material.standard_error),
-        "half_width_90_pa": known(material.half_width_90),
-        "markers": list(material.markers),
-        "taken_up": material.taken_up,
+        **json_values(material, "law", "young_pa", "standard_error_pa", "half_width_90_pa"),
+        **json_values(material, "markers", "taken_up"),
         "refused": material.refusal or None,
     }
 
@@ -280,13 +305,8 @@ def _trace_json(trace: LengthTrace) -> dict[str, Any]:
         "lengths": trace.lengths,
         **{
             way.name: [
-                {
-                    "station": cost.station or None,
-                    "hop": cost.name,
-                    "median_s": cost.median,
-                    "p99_s": cost.p99,
-                    "share": cost.share,
-                }
+                {"station": cost.station or None, "hop": cost.name}
+                | json_values(cost, "median_s", "p99_s", "share")
                 for cost in hop_costs(way)
             ]
             for way in trace.ways

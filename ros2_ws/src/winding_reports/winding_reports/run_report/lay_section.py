@@ -71,33 +71,16 @@ def _draw(
     theta = np.array(layer["theta_rad"])
     wanted = np.array(layer["wanted_z_m"])
     inside = (predicted.theta >= theta[0]) & (predicted.theta <= theta[-1])
-    lines: tuple[tuple[Array, Array, dict[str, Any]], ...] = (
-        (theta, wanted, {"color": FAINT, "linewidth": 4.0, "label": "wanted"}),
-        (
-            predicted.theta[inside],
-            predicted.z[inside],
-            {"color": PREDICTED, "linewidth": 1.2, "label": "predicted in step"},
-        ),
-    )
-    for angle, z, style in lines:
-        axes.plot(*_unrolled(angle, z), **style)
-    measured = np.array(layer["measured_z_m"], dtype=float)
-    dots: dict[str, Any] = {"color": TRACKED, "marker": ".", "markersize": 4, "linestyle": ""}
-    axes.plot(*_unrolled(theta, measured), label="measured", **dots)
+    solved = _unrolled(predicted.theta[inside], predicted.z[inside])
+    measured = _unrolled(theta, np.array(layer["measured_z_m"], dtype=float))
+    axes.plot(*_unrolled(theta, wanted), color=FAINT, linewidth=4.0, label="wanted")
+    axes.plot(*solved, color=PREDICTED, linewidth=1.2, label="predicted in step")
+    axes.plot(*measured, ".", color=TRACKED, markersize=4, label="measured")
     found = [fault for fault in faults if fault["layer"] == layer["number"]]
     at = np.array([fault["theta"] for fault in found], dtype=float)
-    rings: dict[str, Any] = {
-        "marker": "o",
-        "markersize": 11,
-        "linestyle": "",
-        "markerfacecolor": "none",
-    }
-    axes.plot(
-        *_unrolled(at, np.interp(at, theta, wanted)),
-        color=PAPER,
-        label="gap, climb or missing edge turn",
-        **rings,
-    )
+    rings = _unrolled(at, np.interp(at, theta, wanted))
+    label = "gap, climb or missing edge turn"
+    axes.plot(*rings, "o", color=PAPER, markersize=11, markerfacecolor="none", label=label)
     share = layer["measured_share"]
     axes.set_title(f"layer {layer['number']}, {share:.0%} measured")
     axes.set_xlim(0.0, 360.0)

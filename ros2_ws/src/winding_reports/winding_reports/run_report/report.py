@@ -65,7 +65,9 @@ def render_report(record: RunRecord) -> str:
         contents=contents,
         identity=identity,
         condition=condition,
-        error_names=_error_names(held_out=held_out),
+        error_names=["Predicted", "Corrected, in-sample", "Corrected, held out"]
+        if held_out
+        else ["Predicted", "Corrected"],
         against=verdict.against,
         measured="tracked" if verdict.against == CAMERA else "published",
         held_out=held_out,
@@ -133,12 +135,6 @@ def _mean_tiles(verdict: ErrorVerdict) -> list[Tile]:
 def _mean(verdict: ErrorVerdict, name: str) -> str:
     errors = [value for item in verdict.errors if (value := getattr(item, name)) is not None]
     return fixed(fmean(errors) if errors else None, 2)
-
-
-def _error_names(*, held_out: bool) -> list[str]:
-    if held_out:
-        return ["Predicted", "Corrected, in-sample", "Corrected, held out"]
-    return ["Predicted", "Corrected"]
 
 
 def _verdict(outcome: RunOutcome) -> dict[str, Any]:

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.special import ndtri, stdtr
 
-from winding_core.units import MEGAPASCAL, MILLIMETRE
+from winding_core.units import MEGAPASCAL, MILLIMETRE, json_values
 from winding_reports.documents.data_table import Column, DataTable, Value
 from winding_reports.runs.run_row import RunRow
 
@@ -245,12 +245,9 @@ class Trend:
         first, last = self.rows[0], self.rows[-1]
         values = self.chart.values
         return {
-            "cable": first.cable,
-            "machine": first.machine,
-            "series": first.series,
+            **json_values(first, "cable", "machine", "series"),
+            **json_values(self.quantity, "title", "unit"),
             "quantity": self.quantity.name,
-            "title": self.quantity.title,
-            "unit": self.quantity.unit,
             "runs": len(self.rows),
             "first_date": first.date,
             "last_date": last.date,
@@ -260,13 +257,10 @@ class Trend:
             "drifts": [
                 {
                     "run": drift.at + 1,
-                    "run_id": self.rows[drift.at].run_id,
-                    "path": self.rows[drift.at].path,
-                    "date": self.rows[drift.at].date,
+                    **json_values(self.rows[drift.at], "run_id", "path", "date"),
                     "since_run": drift.since + 1,
                     "direction": "up" if drift.up else "down",
-                    "level": drift.level,
-                    "now": drift.now,
+                    **json_values(drift, "level", "now"),
                     "runs_to_limit": self._runs_left(drift),
                     "sentence": self.sentence(drift),
                 }

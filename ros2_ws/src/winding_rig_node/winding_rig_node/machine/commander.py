@@ -49,11 +49,6 @@ class CommandLimits:
     timeout: float = 0.5
 
     def __post_init__(self) -> None:
-        if not self.carriage.low < self.carriage.high:
-            raise ValueError(
-                f"the carriage's travel must end above its start, "
-                f"got {self.carriage.low:g} to {self.carriage.high:g} m"
-            )
         if not self.low_tension < self.high_tension:
             raise ValueError(
                 f"the brake's largest pull must exceed its smallest, "

@@ -160,30 +160,22 @@ class RigParameters(SimulatedCamera, SimulatedMachine, MarkerLook, DrumShape, Co
         Raises:
             ValueError: The carriage's travel or the brake's limits end before they begin.
         """
-        carriage = replace(
-            CARRIAGE_LIMITS,
-            speed=self.carriage_speed_limit,
-            acceleration=self.carriage_acceleration_limit,
-            low=self.carriage_travel[0],
-            high=self.carriage_travel[1],
-        )
-        if arm is not None:
+        if arm is None:
+            low, high = self.carriage_travel
+            speed, acceleration = self.carriage_speed_limit, self.carriage_acceleration_limit
+        else:
             commands = arm.mapping.commands
             low, high = (arm.reach(end)[0] for end in (commands.low_m, commands.high_m))
-            carriage = replace(
-                carriage,
-                speed=commands.speed_m_s,
-                acceleration=commands.acceleration_m_s2,
-                low=low,
-                high=high,
-            )
+            speed, acceleration = commands.speed_m_s, commands.acceleration_m_s2
         return CommandLimits(
             cylinder=replace(
                 CYLINDER_LIMITS,
                 speed=self.cylinder_speed_limit,
                 acceleration=self.cylinder_acceleration_limit,
             ),
-            carriage=carriage,
+            carriage=replace(
+                CARRIAGE_LIMITS, speed=speed, acceleration=acceleration, low=low, high=high
+            ),
             low_tension=self.brake_limits[0],
             high_tension=self.brake_limits[1],
             brake_time=self.brake_time,

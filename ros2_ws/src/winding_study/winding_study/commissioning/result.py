@@ -8,7 +8,7 @@ from typing import Any
 from cable_fem_node.identification import RigPosterior
 from winding_core.catalogue.cables import PROPERTIES, Cable, check_cable
 from winding_core.run_spec import RunSpec
-from winding_core.units import MEGAPASCAL, MILLIMETRE
+from winding_core.units import MEGAPASCAL, MILLIMETRE, json_values
 from winding_study.commissioning.design import Expected
 
 # Number -> option of a cell file and one of its units in SI.
@@ -134,10 +134,7 @@ def commissioning_record(
         "best": [float(posterior.best[name][0]) for name in posterior.names],
         "covariance": posterior.covariance.tolist(),
         "unobservable": list(posterior.unobservable),
-        "chi_square": posterior.chi_square,
-        "measured": posterior.measured,
-        "misfit": posterior.misfit,
-        "scatter_m": posterior.scatter,
+        **json_values(posterior, "chi_square", "measured", "misfit", "scatter_m"),
         "design": [expected_record(item) for item in design],
         "next": [expected_record(item) for item in following],
     }
@@ -149,8 +146,7 @@ def expected_record(item: Expected) -> dict[str, Any]:
     return {
         "gain_nat": item.gain,
         "markers": item.markers,
-        "angular_speed": motion.drive.angular_speed,
-        "feed_speed": motion.drive.feed_speed,
+        **json_values(motion.drive, "angular_speed", "feed_speed"),
         "duration_s": motion.duration,
         "pull": {"angle_rad": list(motion.angles), "newton": list(motion.pulls)},
         "deviation_over_prior": dict(item.share),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from winding_core.cable.cases import paper_case, published_markers
 from winding_core.lay.quasi_static import QuasiStaticLay
 from winding_core.machine.tension import START, RigTension, TensionFit, fit_rig_tension
+from winding_core.units import json_values
 
 Array = NDArray[np.float64]
 
@@ -36,8 +37,7 @@ class Calibration:
             "law": self.law,
             "tension": asdict(self.tension),
             "standard_errors": dict(zip(asdict(self.tension), self.standard_errors, strict=True)),
-            "in_sample_rms_pct": self.in_sample_rms_pct,
-            "leave_one_case_out_rms_pct": self.leave_one_case_out_rms_pct,
+            **json_values(self, "in_sample_rms_pct", "leave_one_case_out_rms_pct"),
             "cells": [
                 {"case": case, "marker": marker, "dtheta_pct": residual}
                 for (case, marker), residual in self.residuals_pct.items()

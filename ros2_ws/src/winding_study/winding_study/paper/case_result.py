@@ -17,7 +17,7 @@ from winding_core.cable.cases import (
     published_markers,
 )
 from winding_core.markers import is_wound
-from winding_core.units import MILLIMETRE
+from winding_core.units import MILLIMETRE, json_values
 from winding_reports.records.run_record import WoundCable
 
 Array = NDArray[np.float64]
@@ -172,10 +172,8 @@ class Comparison:
     def as_json(self) -> dict[str, Any]:
         """Return means and cells as JSON values."""
         return {
-            "mean_error_pct": self.mean_error_pct,
-            "mean_abs_dz_mm": self.mean_abs_dz_mm,
-            "mean_abs_dz_path_mm": self.mean_abs_dz_path_mm,
-            "mean_abs_dtheta_rad": self.mean_abs_dtheta_rad,
+            **json_values(self, "mean_error_pct", "mean_abs_dz_mm"),
+            **json_values(self, "mean_abs_dz_path_mm", "mean_abs_dtheta_rad"),
             "cells": [asdict(cell) for cell in self.cells],
         }
 

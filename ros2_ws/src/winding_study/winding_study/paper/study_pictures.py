@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import FixedLocator, ScalarFormatter
 from numpy.typing import NDArray
 
-from correction_node.training.comparison import BASELINE, ORACLE, ModelScore
+from correction_node.training.comparison import BASELINE, ORACLE
 from winding_core.cable.cases import PublishedMarker, paper_case, published_markers
 from winding_core.units import MILLIMETRE
 from winding_reports.documents.data_table import DataTable
@@ -50,12 +50,12 @@ _BAR = 0.38
 
 def errors_picture(record: StudyRecord) -> Picture:
     """Return the errors of every measured cell before and after the correction."""
-    rows = _measured(record)
-    raw: list[Series] = [("paper's simulation", PAPER, "X", True, _printed(rows, 7))]
+    rows, printed = _measured(record), record.printed_pct
+    raw: list[Series] = [("paper's simulation", PAPER, "X", True, printed(7))]
     if record.config is not None:
         errors = {(c.case, c.marker): c.error_pct for c in record.comparison.cells}
         raw.append((record.who, PREDICTED, "o", True, errors))
-    updated: list[Series] = [("paper, in-sample", PAPER_CORRECTED, "X", True, _printed(rows, 8))]
+    updated: list[Series] = [("paper, in-sample", PAPER_CORRECTED, "X", True, printed(8))]
     best = record.best_learned
     if best is not None:
         model = record.models[best]
@@ -192,14 +192,6 @@ def _measured(record: StudyRecord) -> list[PublishedMarker]:
     return [row for row in published_markers() if (row.case, row.marker) in asked]
 
 
-def _printed(rows: Sequence[PublishedMarker], table: int) -> dict[Cell, float]:
-    errors = {
-        (row.case, row.marker): row.error_pct if table == 7 else row.updated_error_pct
-        for row in rows
-    }
-    return {cell: error for cell, error in errors.items() if error is not None}
-
-
 def models_picture(record: StudyRecord) -> Picture:
     """Return the error of every model, in-sample beside leave-one-case-out."""
     models = sorted(record.models.items(), key=model_order)
@@ -211,7 +203,7 @@ def models_picture(record: StudyRecord) -> Picture:
     )
     with canvas(0.42 * len(models) + 1.3) as (figure, (axes,)):
         for row, (_, model) in enumerate(models):
-            colour = _colour(model)
+            colour = {ORACLE: FAINT, BASELINE: PREDICTED}.get(model.kind, CORRECTED)
             apart = 0.5 * _BAR if math.isfinite(model.leave_one_case_out_pct) else 0.0
             for value, spread, shift, seen in (
                 (model.in_sample_pct, model.in_sample_spread_pct, -apart, True),
@@ -340,7 +332,3 @@ def network_picture() -> Picture:
         "Three inputs, three hidden layers, one weight h for the whole case; the predicted "
         "length of every marker is multiplied by it.",
     )
-
-
-def _colour(model: ModelScore) -> str:
-    return {ORACLE: FAINT, BASELINE: PREDICTED}.get(model.kind, CORRECTED)

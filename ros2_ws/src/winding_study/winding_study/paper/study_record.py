@@ -25,7 +25,8 @@ from correction_node.training.training import NETWORK, RIG, RIG_NETWORK, Trainin
 from winding_core.cable.cases import published_markers, published_weights
 from winding_core.machine.drive import PAPER_DURATION
 from winding_core.machine.tension import DeadWeight
-from winding_reports.documents.data_table import DataTable, known
+from winding_core.units import json_values
+from winding_reports.documents.data_table import DataTable
 from winding_reports.records.identity import Identity, Origin, Quantity, declared_quantities
 from winding_study.paper.case_result import CaseResult, Comparison, compare, compare_paper
 from winding_study.paper.paper_tables import (
@@ -40,6 +41,10 @@ from winding_study.paper.study import ROD_SEGMENT, StudyConfig, predicted_length
 from winding_study.run_parameters import RunParameters
 
 PUBLISHED = "paper's simulation"
+_OF_A_MODEL = (
+    *("kind", "description", "in_sample_pct", "leave_one_case_out_pct", "in_sample_spread_pct"),
+    *("leave_one_case_out_spread_pct", "worst_case_pct", "bound_pct", "own_interval_coverage_pct"),
+)
 PHYSICAL = (RIG, RIG_NETWORK, RIG_PROCESS)  # Models over the rig's span-tension law
 
 
@@ -98,12 +103,7 @@ class StudyRecord:
 
     def cells_table(self) -> DataTable:
         """Return Tables 2 to 8 in one, measured markers only."""
-        printed = {
-            (row.case, row.marker): row.updated_error_pct
-            for row in published_markers()
-            if row.updated_error_pct is not None
-        }
-        updated = {"paper": printed}
+        updated = {"paper": self.printed_pct(8)}
         best = self.best_learned
         if best is not None:
             model = self.models[best]
@@ -196,21 +196,21 @@ class StudyRecord:
 
     def paper_updated_pct(self) -> float:
         """Return the mean of the printed Table 8 over the cells of the base."""
-        asked = set(self.comparison.keys)
-        printed = [
-            row.updated_error_pct
-            for row in published_markers()
-            if (row.case, row.marker) in asked and row.updated_error_pct is not None
-        ]
+        printed = self.printed_pct(8).values()
         return math.fsum(printed) / len(printed)
 
-    def errors_pct(self, h: Array) -> dict[tuple[int, int], float]:
-        """Return Table 8's error by cell for h by cell."""
-        errors = cell_errors_pct(self.cells, h)
-        return {
-            (cell.case, cell.marker): float(error)
-            for cell, error in zip(self.cells, errors, strict=True)
+    def printed_pct(self, table: int) -> Factors:
+        """Return the errors that Table 7 or 8 prints for the cells of the base."""
+        asked = set(self.comparison.keys)
+        errors = {
+            (row.case, row.marker): row.error_pct if table == 7 else row.updated_error_pct
+            for row in published_markers()
         }
+        return {cell: e for cell, e in errors.items() if cell in asked and e is not None}
+
+    def errors_pct(self, h: Array) -> Factors:
+        """Return Table 8's error by cell for h by cell."""
+        return self._by_cell(cell_errors_pct(self.cells, h))
 
     def as_json(self) -> dict[str, Any]:
         """Return everything as strict JSON values: null where there is no number."""
@@ -226,23 +226,7 @@ class StudyRecord:
                 **{table.name: table.means for table in tables if table.means},
             },
             "models": {
-                name: {
-                    "kind": model.kind,
-                    "description": model.description,
-                    **{
-                        field_name: known(getattr(model, field_name))
-                        for field_name in (
-                            "in_sample_pct",
-                            "leave_one_case_out_pct",
-                            "in_sample_spread_pct",
-                            "leave_one_case_out_spread_pct",
-                            "worst_case_pct",
-                            "bound_pct",
-                            "own_interval_coverage_pct",
-                        )
-                    },
-                }
-                for name, model in self.models.items()
+                name: json_values(model, *_OF_A_MODEL) for name, model in self.models.items()
             },
             "best_model": self.best_model,
             "best_learned": self.best_learned,

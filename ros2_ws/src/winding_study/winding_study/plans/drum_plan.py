@@ -1,9 +1,8 @@
 """A plan's options: limits of the machine, and a drum with the program that fills it."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from winding_core.lay.layers import WoundDrum
 from winding_core.lay.limits import PlanLimits
 from winding_core.lay.program import LayProgram
 from winding_core.machine.drum import DrumError
-from winding_core.parameters import Spelling, parameter, typed_values
+from winding_core.parameters import parameter
 from winding_core.units import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
@@ -27,6 +26,7 @@ from winding_core.units import (
     PLAIN,
     SPEED,
     TIME,
+    json_values,
 )
 from winding_rig_node.machine.commander import CARRIAGE_LIMITS, CYLINDER_LIMITS, CommandLimits
 
@@ -82,20 +82,6 @@ class PlanParameters:
         0.01,
         10.0,
     )
-
-    @classmethod
-    def from_typed(cls, typed: Mapping[str, object], *, spelling: Spelling = str) -> Self:
-        """Return the limits that typed options mean.
-
-        Args:
-            typed: By option, in the unit of its name.
-            spelling: How a refusal writes an option's name.
-
-        Raises:
-            ParameterError: A value is refused.
-        """
-        values: dict[str, Any] = typed_values(cls, typed, spelling)
-        return cls(**values)
 
     def limits(self) -> PlanLimits:
         """Return the limits of a plan.
@@ -183,25 +169,16 @@ def drum_record(plan: LayPlan, wound: WoundDrum) -> dict[str, Any]:
         "flange_diameter_m": 2.0 * drum.flange_radius,
         "groove_pitch_m": drum.groove_pitch,
         "start_side": drum.start_side,
-        "winding": wound.winding,
-        "pitch_m": wound.pitch,
-        "turns": wound.turns,
-        "length_m": wound.length,
+        **json_values(wound, "winding", "pitch_m", "turns", "length_m", "filled_diameter_m"),
         "undeformed_length_m": float(undeformed.sum()),
-        "filled_diameter_m": wound.filled_diameter,
         "mass_kg": wound.mass(per_length),
         "inertia_kg_m2": wound.inertia(per_length),
         "cable_speed_m_s": plan.speed * plan.radius,
         "layers": [
             {
-                "number": layer.number,
-                "direction": layer.direction,
-                "first_turn": layer.first_turn,
-                "last_turn": layer.last_turn,
-                "radius_m": layer.radius,
+                **json_values(layer, "number", "direction", "first_turn", "last_turn"),
+                **json_values(layer, "radius_m", "last_z_m", "length_m"),
                 "z_m": layer.z.tolist(),
-                "last_z_m": layer.last_z,
-                "length_m": layer.length,
                 "undeformed_length_m": float(undeformed[k]),
                 "pull_n": float(pull[k]),
                 "cylinder_speed_rad_s": float(speed[k]),

@@ -11,7 +11,7 @@ from cable_fem_node.winding.run_ahead import replay
 from cable_fem_node.winding.winding_config import WindingConfig
 from lay_control_node.planning.lay_plan import FULL_TURN, LayPlan
 from winding_core.lay.guide_path import lay_of
-from winding_core.markers import Markers, is_wound
+from winding_core.markers import is_wound
 from winding_core.run_inputs import no_inputs
 
 Array = NDArray[np.float64]
@@ -64,9 +64,9 @@ def wind_plan(plan: LayPlan, config: WindingConfig) -> SolverLay:
     model.compile()
     replay(inputs, model)
     _, theta, z = model.wound_path()
-    return SolverLay(
-        theta=theta, z=z, residual=z - plan.program.z_at(theta), markers=_landed(model.markers())
-    )
+    markers = model.markers()
+    landed = np.where(is_wound(markers), markers["theta"], np.nan)[1:]
+    return SolverLay(theta=theta, z=z, residual=z - plan.program.z_at(theta), markers=landed)
 
 
 def plan_with_solver(
@@ -111,7 +111,3 @@ def solver_lag(plan: LayPlan, solver: SolverLay) -> float:
         lag += float(slope @ (solver.z - trial)) / weight
         lag = min(max(lag, 0.5 * plan.lag), 2.0 * plan.lag)
     return lag
-
-
-def _landed(markers: Markers) -> Array:
-    return np.where(is_wound(markers), markers["theta"], np.nan)[1:]
