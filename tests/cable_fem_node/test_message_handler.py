@@ -118,9 +118,7 @@ def test_solid_follows_as_it_does_alone_beside_the_rod_s_prediction() -> None:
         ({"take_up_material": True}, "take element rod instead of solid"),
     ],
 )
-def test_what_the_solid_cannot_do_is_refused_at_configuration(
-    wanted: dict[str, Any], sentence: str
-) -> None:
+def test_what_the_solid_cannot_do_is_refused(wanted: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         FemHandler(FemParameters(case=4, element="solid", **wanted))
 
@@ -152,9 +150,7 @@ def merged(known: np.ndarray, news: np.ndarray) -> np.ndarray:
     return np.concatenate([old, news])
 
 
-def test_messages_of_the_newest_turns_make_up_the_whole_cable(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_messages_of_newest_turns_make_up_the_whole_cable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(message_handler, "_CABLE_TURNS", 0.5)
     handler = FemHandler(
         FemParameters(case=4, duration=0.5, follow_tension=False), ahead_elsewhere=True

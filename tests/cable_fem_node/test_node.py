@@ -210,9 +210,7 @@ def test_marker_that_no_cable_explains_is_refused_with_a_warning(ros: Any) -> No
 @pytest.mark.parametrize(
     ("wanted", "flags"), [({"update_material": False}, 0), ({}, int(MarkerFlag.PREDICTED))]
 )
-def test_nothing_is_identified_unasked_or_from_what_was_not_seen(
-    ros: Any, wanted: dict[str, object], flags: int
-) -> None:
+def test_nothing_unasked_or_unseen_counts(ros: Any, wanted: dict[str, object], flags: int) -> None:
     bench = bench_of(ros, flags=flags, **wanted)
     bench.wait_for(topics.TRACKED_MARKERS, 30)
     bench.wind(SEEN_AT + 0.5)

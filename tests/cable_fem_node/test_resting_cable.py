@@ -182,9 +182,7 @@ def test_slip_that_goes_deeper_than_what_is_awake_wakes_what_rests() -> None:
         pytest.param([(12.0, SPEED, 1.0), (9.0, -SPEED, 1.0), (6.0, SPEED, 1.0)], id="unwound"),
     ],
 )
-def test_what_rests_follows_what_the_machine_does(
-    schedule: list[tuple[float, float, float]],
-) -> None:
+def test_what_rests_follows_the_machine(schedule: list[tuple[float, float, float]]) -> None:
     machine = Machine()
     for number, (seconds, speed, share) in enumerate(schedule):
         machine.wind(seconds, speed=speed, tension=share * WEIGHT)

@@ -86,9 +86,7 @@ def steady() -> RigPosterior:
     return identify_rig([run_of(4, 4, STEADY)])
 
 
-def test_markers_determine_stretch_and_free_length_and_not_what_stretched(
-    steady: RigPosterior,
-) -> None:
+def test_markers_determine_stretch_and_free_length_not_what_stretched(steady: RigPosterior) -> None:
     posterior = steady
     assert {"load_share", "guide_drag"} <= set(posterior.unobservable)
     beliefs = posterior.beliefs

@@ -4,7 +4,6 @@ import contextlib
 import json
 import random
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,9 +50,7 @@ def test_there_are_a_hundred_wrong_files_and_no_two_are_alike() -> None:
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda wrong: wrong.name)
-def test_a_wrong_file_is_refused_with_its_line_before_anything_moves(
-    wrong: Wrong, cell: Path
-) -> None:
+def test_a_wrong_file_is_refused_with_its_line_before_a_move(wrong: Wrong, cell: Path) -> None:
     cell.write_bytes(wrong.content)
     before = sorted(cell.parent.rglob("*"))
     refused = winding(cell.parent, "run", "cell.yaml")
@@ -179,9 +176,7 @@ def test_no_text_ends_in_anything_but_a_refusal(cell: Path) -> None:
 @pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_run_of_a_file_leaves_the_numbers_of_its_options(
-    cell: Path, command: Callable[..., Any]
-) -> None:
+def test_a_run_of_a_file_leaves_the_numbers_of_its_options(cell: Path, command: Any) -> None:
     # What is recorded of a wanted lay differs from run to run with what the computer does beside.
     left_out = ("control", "pitch_mm", "lay_tolerance_mm", "error_limit_pct", "output")
     options = {key: value for key, value in FLAT.items() if key not in left_out}

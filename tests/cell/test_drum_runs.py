@@ -67,9 +67,7 @@ def test_a_helix_within_the_flanges_is_a_run_on_a_drum(tmp_path: Path) -> None:
         ({"case": 9, "layers": 3}, "--drum-width-mm is missing"),
     ],
 )
-def test_what_no_drum_takes_is_refused_in_a_sentence(
-    tmp_path: Path, options: dict[str, Any], sentence: str
-) -> None:
+def test_bad_drums_are_refused(tmp_path: Path, options: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ParameterError) as caught:
         config_of(tmp_path, **options)
     assert sentence in str(caught.value)

@@ -19,9 +19,7 @@ def containers(keep_nodes: Callable[..., Any], tmp_path: Path) -> Any:
     return keep_nodes(tmp_path)
 
 
-def test_two_runs_of_one_set_of_nodes(
-    containers: Any, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_two_runs_of_one_set_of_nodes(containers: Any, tmp_path: Path, command: Any) -> None:
     for case in (4, 8):
         done = command(
             *("run", "--attach", "--namespace", containers.namespace, "--case", case, "--speed", 0),

@@ -160,9 +160,7 @@ def _numbered(*ids: int) -> Markers:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_a_marker_that_cannot_be_is_refused_by_name(
-    markers: Markers, kept: list[int], sentence: str
-) -> None:
+def test_an_impossible_marker_is_refused(markers: Markers, kept: list[int], sentence: str) -> None:
     assert CORRECTOR.correct(markers, CASE)["id"].tolist() == kept
     assert CORRECTOR.refusals(markers, CASE)[0].startswith(sentence)
 

@@ -236,9 +236,7 @@ def test_bad_tables_are_refused(how: str, sentence: str, tmp_path: Path) -> None
         ("twins", 3, "run r3 measures exactly what run r0 does"),
     ],
 )
-def test_a_bad_run_is_left_out_with_its_reason(
-    how: str, run: int, sentence: str, tmp_path: Path
-) -> None:
+def test_a_bad_run_is_left_out(how: str, run: int, sentence: str, tmp_path: Path) -> None:
     rows = hidden_runs(1)
     good = load_own_runs(write(tmp_path / "good.csv", rows)).cells
     _spoil(rows, how)

@@ -120,9 +120,7 @@ def test_a_measurement_never_corrects_its_own_marker(run: RunCorrector, untouche
     assert corrected["s"][0] == untouched["s"][0]
 
 
-def test_a_marker_counts_when_enough_frames_have_seen_it(
-    run: RunCorrector, untouched: Markers
-) -> None:
+def test_a_marker_counts_once_enough_frames_saw_it(run: RunCorrector, untouched: Markers) -> None:
     frames(run, S_EXP[:1], SETTLED_FRAMES - 1)
     np.testing.assert_array_equal(run.correct(LATER, records(S_FEM)), untouched)
     frames(run, S_EXP[:1], 1)
@@ -174,9 +172,7 @@ def test_time_that_goes_back_begins_a_new_run(run: RunCorrector) -> None:
     assert run.measured.seen == {1}
 
 
-def test_a_marker_that_stays_far_from_what_is_expected_is_rejected_and_reported(
-    run: RunCorrector,
-) -> None:
+def test_a_marker_that_stays_far_off_is_rejected_and_reported(run: RunCorrector) -> None:
     frames(run, S_EXP[:2])
     before = run.correct(LATER, records(S_FEM))
     frames(run, [*S_EXP[:2], S_EXP[1] + 1.5 * CASE.marker_spacing])
@@ -219,9 +215,7 @@ def test_what_no_cable_can_be_is_counted_and_not_used(
         MarkerFlag.NOT_WOUND,
     ],
 )
-def test_a_flagged_marker_is_no_measurement_and_no_fault(
-    run: RunCorrector, untouched: Markers, flag: MarkerFlag
-) -> None:
+def test_flags_are_no_measurements(run: RunCorrector, untouched: Markers, flag: MarkerFlag) -> None:
     for _ in range(2 * SETTLED_FRAMES):
         run.measured.take(LATE, records(S_EXP[:2], flags=int(flag)))
     np.testing.assert_array_equal(run.correct(LATER, records(S_FEM)), untouched)

@@ -109,9 +109,7 @@ def test_the_build_up_length_is_found_in_runs_that_have_one() -> None:
 
 
 @pytest.mark.slow
-def test_third_and_fourth_marker_of_the_published_runs_are_predicted(
-    scored: WithinRunScore,
-) -> None:
+def test_third_and_fourth_marker_of_published_runs_are_predicted(scored: WithinRunScore) -> None:
     assert len(scored.cells) == 21
     assert scored.held_out_pct <= 1.0
     assert scored.held_out_pct < min(scored.rivals_pct.values())
@@ -269,9 +267,7 @@ def by_noise() -> dict[tuple[Noise, float], NoiseAccuracy]:
     }
 
 
-def test_less_repeatable_runs_are_named_less_often(
-    by_noise: dict[tuple[Noise, float], NoiseAccuracy],
-) -> None:
+def test_noisy_runs_are_named_seldom(by_noise: dict[tuple[Noise, float], NoiseAccuracy]) -> None:
     assert len(Noise) > 0
     for kind in Noise:
         accuracies = [by_noise[kind, noise].accuracy for noise in (0.0, 0.01, 0.02, 0.04)]

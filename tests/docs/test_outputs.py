@@ -146,9 +146,7 @@ def test_the_solver_s_page_counts_the_laws() -> None:
     assert f"{words[len(LAWS)]} material laws" in (DOCS / "solver.md").read_text(encoding="utf-8")
 
 
-def test_a_table_of_a_hundred_and_fifty_columns_is_whole_in_a_pipe(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_table_of_150_columns_is_whole_in_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe = io.StringIO()
     monkeypatch.setattr("sys.stdout", pipe)
     result_console().print(Table(WIDE, WIDE.upper()))

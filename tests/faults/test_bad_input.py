@@ -107,9 +107,7 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "sentence"), REFUSED)
-def test_bad_input_is_refused_in_one_sentence_before_anything_starts(
-    given: Path, arguments: list[object], sentence: str
-) -> None:
+def test_bad_input_is_refused_at_once(given: Path, arguments: list[object], sentence: str) -> None:
     before = sorted(given.rglob("*"))
     refused = CliRunner().invoke(app, ["run", *map(str, arguments)])
     assert refused.exit_code == 2, refused.stderr

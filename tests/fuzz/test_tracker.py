@@ -162,9 +162,7 @@ steps = st.lists(
     begun=12,
     step=0.005,
 )
-def test_any_pictures_and_encoders(
-    studio: Studio, steps: list[Any], begun: int, step: float
-) -> None:
+def test_any_picture_and_encoder(studio: Studio, steps: list[Any], begun: int, step: float) -> None:
     tracker, t = studio.tracker(), 0.0
     # The run begins well, so that there is a colour and a P0 to lose.
     for k in range(begun):

@@ -37,9 +37,7 @@ def test_arm_lays_what_the_carriage_lays(command: Callable[..., Any], tmp_path: 
             assert other[key] == pytest.approx(one[key], rel=SAME), key
 
 
-def test_span_that_grows_by_a_third_is_wound_predicted_and_tracked(
-    command: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_span_that_grows_is_wound_predicted_and_tracked(command: Any, tmp_path: Path) -> None:
     file = arm_file(tmp_path, path={"along_m": [0.0, 0.03], "span_m": [FREE, 1.3 * FREE]})
     run, bag, truth = tmp_path / "run", tmp_path / "bag", tmp_path / "truth.json"
     done = command(
@@ -63,9 +61,7 @@ def test_span_that_grows_by_a_third_is_wound_predicted_and_tracked(
     assert "shoulder_pan_joint" in at
 
 
-def test_way_that_the_arm_does_not_reach_is_refused_before_anything_starts(
-    command: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_way_that_the_arm_does_not_reach_is_refused_at_once(command: Any, tmp_path: Path) -> None:
     done = command(
         *("run", "--case", 4, "--duration-s", 100, "--machine-file", EXAMPLE), cwd=tmp_path
     )

@@ -1,7 +1,6 @@
 """Frames that are tracked in the process of the camera or of the rig that takes them."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -18,9 +17,7 @@ from winding_ros.graph import CAMERA_TOPICS, GRAPH, RIG, SIMULATED_CAMERA, TRACK
 
 @pytest.mark.processes
 @pytest.mark.parametrize("rate", [200, pytest.param(1000, marks=pytest.mark.campaign)])
-def test_every_frame_of_the_simulated_camera_is_tracked(
-    rate: int, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_every_simulated_frame_is_tracked(rate: int, tmp_path: Path, command: Any) -> None:
     done = command(
         *("run", "--case", 4, "--duration-s", 5, "--speed", 0, "--compose", "camera"),
         *("--frame-rate", rate, "--output", "run", "--bag", "bag"),

@@ -106,9 +106,7 @@ def test_markers_land_on_the_wanted_helix(driven: Controlled) -> None:
 
 @pytest.mark.parametrize("seed", [11, 12, 13])
 @pytest.mark.parametrize("case", [1, 4, 9, 12])
-def test_hidden_rigs_of_four_cases_are_driven_to_the_helix(
-    case: int, seed: int, tmp_path: Path, wound: Callable[..., Controlled]
-) -> None:
+def test_hidden_rigs_are_led_to_the_helix(case: int, seed: int, tmp_path: Path, wound: Any) -> None:
     run = wound(tmp_path, "drive", "--seed", seed, case=case)
     errors = run.missed(LayControlParameters(case=case).resolved().drive.advance_per_radian)
     # The bars of the offline study: P1 and P2 1.0 mm, those behind 0.5 mm.
@@ -207,9 +205,7 @@ def test_no_marker_has_the_number_of_another_after_the_failures(survived: Contro
 
 @pytest.mark.parametrize("seed", [31, 32])
 @pytest.mark.parametrize("case", WANTED)
-def test_markers_land_at_their_angles(
-    case: int, seed: int, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_markers_land_at_their_angles(case: int, seed: int, tmp_path: Path, command: Any) -> None:
     program, truth = tmp_path / "wanted.yaml", tmp_path / "truth.json"
     markers = ", ".join(f"{n}: {turns}" for n, turns in enumerate(WANTED[case], start=1))
     program.write_text(

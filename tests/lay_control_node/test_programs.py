@@ -238,9 +238,7 @@ REFUSED = {
     ("name", "text", "sentence"),
     [(name, text, sentence) for name, items in REFUSED.items() for text, sentence in items],
 )
-def test_an_unusable_program_is_refused_in_one_sentence(
-    tmp_path: Path, name: str, text: str, sentence: str
-) -> None:
+def test_unusable_programs_are_refused(tmp_path: Path, name: str, text: str, sentence: str) -> None:
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     with pytest.raises(LayProgramError, match=sentence.replace("[", r"\[")) as caught:

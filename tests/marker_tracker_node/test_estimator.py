@@ -87,9 +87,7 @@ def test_turns_that_come_to_touch_as_the_cable_grows_move_no_band_by_a_jump() ->
         ("cable_diameter", 0.3),
     ],
 )
-def test_the_wrong_number_is_named_with_its_size_and_taken_out_of_the_places(
-    number: str, size: float
-) -> None:
+def test_the_wrong_number_is_named_with_its_size_and_taken_out(number: str, size: float) -> None:
     seen = sightings(RAMPED, (WrongNumber(number=number, size=size),), 7)
     found, mended = explained(seen)
     assert found
@@ -126,9 +124,7 @@ def test_an_estimate_that_is_no_longer_carried_is_taken_back() -> None:
         {"cylinder_diameter": 0.08, "camera_tilt_y": 0.008},
     ],
 )
-def test_numbers_within_their_doubt_are_named_with_what_explains_as_well(
-    wrong: dict[str, float],
-) -> None:
+def test_numbers_within_doubt_are_named_with_what_explains_as_well(wrong: dict[str, float]) -> None:
     numbers = tuple(WrongNumber(number=name, size=size) for name, size in wrong.items())
     found = contradicted(sightings(RAMPED, numbers, 7))
     assert len(found) == len(wrong)

@@ -125,9 +125,7 @@ def test_the_consumer_runs(installed: Path, tmp_path: Path) -> None:
     assert 0.0 <= float(ended.stdout) < 0.01
 
 
-def test_launch_file_transport_and_layouts_are_in_the_wheel(
-    installed: Path, run: Callable[..., str], tmp_path: Path
-) -> None:
+def test_the_wheel_holds_launch_file_and_layouts(installed: Path, run: Any, tmp_path: Path) -> None:
     program = (
         "from importlib.resources import files\n"
         "home = files('winding_bringup')\n"

@@ -21,9 +21,7 @@ from winding_ros import topics
     ("source", "kind"),
     [("joints", "trajectory"), ("joints", "positions"), ("pose", "pose"), ("pose", "twist")],
 )
-def test_arm_of_its_own_is_followed_and_led(
-    ros: Any, tmp_path: Path, source: str, kind: str
-) -> None:
+def test_an_own_arm_is_followed_and_led(ros: Any, tmp_path: Path, source: str, kind: str) -> None:
     mapping = mapping_of(tmp_path, source, kind)
     ros.add(ArmDriverNode, mapping)
     arm, listener = OwnArm(ros.plain("cell"), mapping), Listener(ros.plain("listener"))

@@ -66,9 +66,7 @@ def test_travel_of_a_joint_is_kept(tmp_path: Path) -> None:
         ("base_link", "base_link", "no joint moves base_link in base_link"),
     ],
 )
-def test_links_that_are_missing_are_named(
-    tmp_path: Path, base: str, tip: str, sentence: str
-) -> None:
+def test_missing_links_are_named(tmp_path: Path, base: str, tip: str, sentence: str) -> None:
     with pytest.raises(ArmError, match=sentence):
         Arm(written(tmp_path), base, tip)
 

@@ -119,9 +119,7 @@ def test_guide_stands_when_targets_stop(tmp_path: Path) -> None:
         (AxisTarget(speed=0.2), r"not be faster than 0.1 m/s, got 0.2 m/s"),
     ],
 )
-def test_target_beyond_the_limits_is_refused(
-    tmp_path: Path, target: AxisTarget, sentence: str
-) -> None:
+def test_target_beyond_limits_is_refused(tmp_path: Path, target: AxisTarget, sentence: str) -> None:
     guided = Bench(tmp_path, type="trajectory").guided
     with pytest.raises(ValueError, match=sentence):
         guided.aim(JointTargets(t=0.0, axes={CARRIAGE: target}), 0.0, turning=True)

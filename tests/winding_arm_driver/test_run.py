@@ -1,7 +1,6 @@
 """`winding run` with a guide that goes along and across the axis, as the driver reports it."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -79,9 +78,7 @@ def arm_driver(folder: Path, namespace: str, **sections: object) -> Any:
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("driver", [LED_CELL], indirect=True)
-def test_cell_with_the_driver_conforms_and_takes_targets(
-    driver: Any, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_driver_conforms_and_takes_targets(driver: Any, tmp_path: Path, command: Any) -> None:
     with arm_driver(tmp_path, driver.namespace, commands={"type": "positions"}):
         done = command(
             *("conform", "--no-camera", "--move", "--namespace", driver.namespace), cwd=tmp_path
@@ -90,9 +87,7 @@ def test_cell_with_the_driver_conforms_and_takes_targets(
 
 
 @pytest.mark.parametrize("driver", [CELL], indirect=True)
-def test_span_that_grows_by_a_third_is_predicted_as_it_is(
-    driver: Any, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_span_that_grows_is_predicted_as_it_is(driver: Any, tmp_path: Path, command: Any) -> None:
     with arm_driver(tmp_path, driver.namespace):
         done = command(
             *("run", "--case", 4, "--machine", "external", "--no-camera"),

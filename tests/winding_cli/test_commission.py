@@ -31,9 +31,7 @@ OF_CASE = ("commission", "--case", 4, "--law", "neo_hookean")
         (("--output", "kept"), "kept exists already"),
     ],
 )
-def test_what_cannot_be_commissioned_is_refused_in_one_sentence(
-    tmp_path: Path, words: tuple[object, ...], sentence: str
-) -> None:
+def test_bad_options_are_refused(tmp_path: Path, words: tuple[object, ...], sentence: str) -> None:
     (tmp_path / "there.yaml").write_text("mine", encoding="utf-8")
     (tmp_path / "kept").mkdir()
     before = sorted(tmp_path.rglob("*"))

@@ -77,9 +77,7 @@ def test_every_command_is_tried() -> None:
         *((words, 1, sentence) for words, sentence in NOT_GOOD.items()),
     ],
 )
-def test_exit_code_tells_what_was_refused_from_what_is_not_good(
-    folder: Path, words: str, code: int, sentence: str
-) -> None:
+def test_exit_code_of_refused_and_bad(folder: Path, words: str, code: int, sentence: str) -> None:
     before = sorted(folder.rglob("*"))
     done = winding(folder, *words.split())
     assert done.exit_code == code, done.output
@@ -164,9 +162,7 @@ def test_outputs_are_of_the_kind_that_their_names_end_with(folder: Path) -> None
     assert (folder / "p.csv").read_text().startswith("t_s,")
 
 
-def test_a_log_shows_what_takes_long_and_how_far_it_is(
-    monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
+def test_a_log_shows_how_far_long_work_is(monkeypatch: pytest.MonkeyPatch, capsys: Any) -> None:
     monkeypatch.setattr(console, "FIRST_LINE", 0.02)
     seen = ""
     end = time.monotonic() + 60.0

@@ -97,9 +97,7 @@ def outcome(
     ids=["nothing", "not a number", "back", "clock ahead", "clock behind", "gap", "jitter",
          "less jitter", "jitter and gap"],
 )  # fmt: skip
-def test_what_a_machine_lost_or_stamped_oddly_is_in_the_outcome(
-    buffer: RunBuffer, sentences: list[str]
-) -> None:
+def test_losses_and_odd_stamps_are_in_the_outcome(buffer: RunBuffer, sentences: list[str]) -> None:
     losses = outcome(buffer).losses
     assert len(losses) == len(sentences), losses
     assert all(s in loss for s, loss in zip(sentences, losses, strict=True)), losses
@@ -126,9 +124,7 @@ def row(number: int, corrected: float, tracked: float | None, published: float) 
 @pytest.mark.parametrize(
     ("published", "against", "verdict"), [(False, CAMERA, "not good"), (True, EXPERIMENT, "good")]
 )
-def test_lengths_are_judged_by_who_measured_this_cable(
-    published: bool, against: str, verdict: str
-) -> None:
+def test_lengths_are_judged_by_who_measured_it(published: bool, against: str, verdict: str) -> None:
     # Beside the published length by 1 %, beside the measured one by 4 %.
     found = outcome(wound(), rows=(row(1, 0.104, 0.1, 0.103),), published=published)
     assert found.lengths is not None

@@ -107,9 +107,7 @@ def test_a_goal_without_a_process_is_refused_and_the_next_is_taken(tmp_path: Pat
     assert taken.goal is None
 
 
-def test_a_run_is_recorded_beside_its_numbers_and_the_result_names_the_folder(
-    tmp_path: Path,
-) -> None:
+def test_a_run_is_recorded_beside_its_numbers_and_the_result_names_it(tmp_path: Path) -> None:
     script = """
 import json, sys
 from pathlib import Path

@@ -95,9 +95,7 @@ def test_own_cables_lie_in_the_users_data(monkeypatch: pytest.MonkeyPatch, tmp_p
         ("cable_diameter_mm: 12, ", "", "a cable needs cable_diameter_mm and young_mpa"),
     ],
 )
-def test_a_wrong_file_is_refused_with_its_place(
-    library: Path, old: str, new: str, sentence: str
-) -> None:
+def test_a_wrong_file_is_refused_by_place(library: Path, old: str, new: str, sentence: str) -> None:
     file = library / "mine.yaml"
     file.write_text(HOSE.replace(old, new), encoding="utf-8")
     with pytest.raises(CableError) as refused:

@@ -44,9 +44,7 @@ def test_a_case_stays_the_paper_s() -> None:
         ({"markers": 6}, 4, 6),
     ],
 )
-def test_another_cable_is_no_published_case(
-    typed: dict[str, object], number: int, markers: int
-) -> None:
+def test_own_cable_is_not_published(typed: dict[str, object], number: int, markers: int) -> None:
     case = Condition.from_typed({"case": 4, **typed}).resolved().case
     assert (case.number, case.marker_count) == (number, markers)
     assert not case.is_published

@@ -109,9 +109,7 @@ def test_run_of_two_turns_is_not_judged() -> None:
 
 @pytest.mark.parametrize("oldest", [0.0, 5.0])
 @pytest.mark.parametrize("angle", [0.4, 3.0, 33.93, 34.5])
-def test_wound_angles_of_the_cable_count_from_the_contact_line_back(
-    angle: float, oldest: float
-) -> None:
+def test_wound_angles_count_from_the_contact_line_back(angle: float, oldest: float) -> None:
     radius, theta = 17.0e-3, np.arange(oldest, angle, 0.31)
     on, free = theta.size, np.arange(1.0, 30.0)
     cable = np.zeros(on + free.size, CABLE_DTYPE)

@@ -184,9 +184,7 @@ def test_tension_beyond_five_weights_is_refused() -> None:
         ),
     ],
 )
-def test_joints_that_are_missing_are_described_by_what_arrives(
-    names: list[list[str]], sentence: str
-) -> None:
+def test_missing_joints_are_described_by_arrivals(names: list[list[str]], sentence: str) -> None:
     axes = MachineAxes(cylinder_joint="wheel", carriage_joint="sled")
     assert missing_joints("it", names, 2.0, axes) == sentence
 
@@ -278,9 +276,7 @@ def test_the_camera_looks_as_tracker_and_page_project(tilt: tuple[float, ...]) -
          (-0.05, 0.4)),
     ],
 )  # fmt: skip
-def test_the_carriage_is_held_to_its_travel_and_speed(
-    axes: MachineAxes, joint: str, ends: tuple[float, float]
-) -> None:
+def test_the_carriage_has_limits(axes: MachineAxes, joint: str, ends: tuple[float, float]) -> None:
     limits = CarriageLimits(low=-0.05, high=0.4, speed=0.033)
     root = ET.fromstring(machine_urdf(WHAT, axes, carriage=limits))
     limit = root.find(f"joint[@name='{joint}']/limit")

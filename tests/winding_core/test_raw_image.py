@@ -95,9 +95,7 @@ def test_a_label_can_be_overruled() -> None:
         ),
     ],
 )
-def test_what_is_no_picture_is_refused_with_its_reason(
-    changes: dict[str, object], sentence: str
-) -> None:
+def test_what_is_no_picture_is_refused(changes: dict[str, object], sentence: str) -> None:
     image = raw("bgr8")._replace(**changes)  # type: ignore[arg-type]
     with pytest.raises(ImageFormatError, match=sentence):
         PixelReader().frame(image)

@@ -116,9 +116,7 @@ def test_a_peer_crowds_out_nobody_but_itself() -> None:
         (STOP, "POST", [False], False),
     ],
 )
-def test_a_request_has_to_arrive_whole_in_time(
-    path: str, method: str, parts: list[bool], cut: bool
-) -> None:
+def test_a_request_must_arrive_whole(path: str, method: str, parts: list[bool], cut: bool) -> None:
     async def work() -> bool:
         connections = Connections(answer, Bounds(arrival=0.0))
         wire = await Wire(connections).ask(path, method, *parts)
@@ -169,9 +167,7 @@ def crowded(crowd: Any) -> Callable[[bytes], tuple[int, Any]]:
     ],
     ids=["half headers", "half bodies", "nothing"],
 )
-def test_a_crowd_of_half_open_connections_keeps_no_stop_out(
-    crowded: Any, crowd: Any, opening: bytes
-) -> None:
+def test_half_open_connections_keep_no_stop_out(crowded: Any, crowd: Any, opening: bytes) -> None:
     port, page = crowded(opening)
     asked = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     crowd.callback(asked.close)

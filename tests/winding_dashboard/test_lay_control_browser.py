@@ -14,9 +14,7 @@ DRAWN = (
 
 
 @pytest.mark.parametrize("where", ["desk", "phone"])
-def test_panel_fits_and_nobody_complains(
-    where: str, controlled_page: Any, new_tab: Any, pictures: Path
-) -> None:
+def test_panel_fits_quietly(where: str, controlled_page: Any, new_tab: Any, pictures: Path) -> None:
     tab = new_tab(where, controlled_page.url)
     tab.wait_for(DRAWN)
     tab.shoot(pictures, f"controlled-{where}")
@@ -58,9 +56,7 @@ def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any) -> No
     )
 
 
-def test_typed_values_stay_when_another_tab_prepares_a_case(
-    standing_page: Any, new_tab: Any
-) -> None:
+def test_typed_values_stay_when_another_tab_prepares(standing_page: Any, new_tab: Any) -> None:
     first, second = (new_tab("desk", standing_page.url) for _ in range(2))
     for tab in (first, second):
         tab.wait_for("document.querySelector('[name=case]').value !== ''")
@@ -81,9 +77,7 @@ def test_typed_values_stay_when_another_tab_prepares_a_case(
     assert setup.get_by_label("Cylinder diameter, mm").input_value() == ""
 
 
-def test_limit_that_is_refused_or_empty_leaves_the_one_that_holds(
-    standing_page: Any, new_tab: Any
-) -> None:
+def test_limit_that_is_refused_or_empty_changes_nothing(standing_page: Any, new_tab: Any) -> None:
     tab = new_tab("desk", standing_page.url)
     holds = "document.querySelector('[name=error_limit_pct]').value === '4.8'"
     tab.wait_for(holds)

@@ -88,7 +88,7 @@ def test_newest_of_every_topic_is_shown(ros: Any, dashboard: DashboardNode) -> N
     assert len(state.speeds) < 20
 
 
-def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
+def test_unusable_message_is_counted_and_changes_nothing(
     ros: Any, dashboard: DashboardNode
 ) -> None:
     probe = ros.plain()
@@ -99,9 +99,7 @@ def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
     assert np.isnan(dashboard.state.measured[CABLE_TENSION])
 
 
-def test_command_is_unavailable_until_somebody_serves_it(
-    ros: Any, dashboard: DashboardNode
-) -> None:
+def test_command_is_unavailable_until_one_serves_it(ros: Any, dashboard: DashboardNode) -> None:
     assert dashboard.service_client.unavailable("stop") == "no node serves rig/stop in /"
     assert "does not serve" in dashboard.service_client.unprepared()
     probe = ros.plain()
@@ -115,7 +113,7 @@ def test_command_is_unavailable_until_somebody_serves_it(
     assert spin_beside(ros, dashboard.service_client.command("stop")) == "stopping"
 
 
-def test_who_plays_a_recording_is_no_machine_until_one_serves_its_commands(
+def test_a_player_is_no_machine_until_it_serves_commands(
     ros: Any, dashboard: DashboardNode
 ) -> None:
     """As `winding bag play` publishes it, and a driver beside it."""
@@ -140,9 +138,7 @@ def test_who_plays_a_recording_is_no_machine_until_one_serves_its_commands(
     ros.spin_until(lambda: looked() == "")
 
 
-def test_topic_that_the_page_has_no_row_for_is_shown_as_text(
-    ros: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_topic_without_a_row_is_shown_as_text(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     further = replace(topics.TENSION, name="rig/sag", quantity=None, rate=None)
     spec = replace(topic_reader.PAGE, extra_subscriptions=(topics.DIAGNOSTICS, further))
     monkeypatch.setattr(topic_reader, "PAGE", spec)
@@ -163,9 +159,7 @@ def test_unanswered_emergency_stop_refers_to_the_machine_s_button(dashboard: Das
         asyncio.run(dashboard.service_client.command("emergency_stop"))
 
 
-def test_supervised_page_publishes_its_operator_s_limits(
-    ros: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_supervised_page_publishes_its_limits(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     published: list[OperatorLimits | None] = []
     probe = ros.plain()
 

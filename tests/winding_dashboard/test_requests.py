@@ -126,9 +126,7 @@ def test_every_answer_says_what_browsers_may_do(desk: Desk, path: str, content: 
 
 
 @pytest.mark.slow
-def test_a_browser_runs_the_pages_own_script_and_no_other(
-    controlled_page: Any, browser: Any
-) -> None:
+def test_browser_runs_the_pages_own_script_and_no_other(controlled_page: Any, browser: Any) -> None:
     page = browser.new_page()
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text))

@@ -59,9 +59,7 @@ def test_sessions_of_other_days_are_listed_with_all_their_runs(tmp_path: Path) -
         ("not judged", "open"),
     ],
 )
-def test_list_prints_the_record_of_a_run_in_its_colour(
-    tmp_path: Path, verdict: str, style: str
-) -> None:
+def test_list_prints_a_record_in_its_colour(tmp_path: Path, verdict: str, style: str) -> None:
     record = {"verdict": verdict, "sentences": ["ended by supervision", "12 frames lost"]}
     written(tmp_path, when=100.0, outcome=record)
     (run,) = RunList(tmp_path).runs()

@@ -151,9 +151,7 @@ def test_only_the_damaged_chunk_is_lost(bags: Any, copied: Path, tmp_path: Path)
     assert len(salvage.losses) == 1
 
 
-def test_chunks_behind_a_broken_record_length_are_found_by_the_index(
-    bags: Any, copied: Path, tmp_path: Path
-) -> None:
+def test_chunks_behind_a_broken_length_are_found(bags: Any, copied: Path, tmp_path: Path) -> None:
     file = storage_file(copied)
     with file.open("rb") as stream:
         index = make_reader(stream).get_summary().chunk_indexes[2]
@@ -163,9 +161,7 @@ def test_chunks_behind_a_broken_record_length_are_found_by_the_index(
     assert salvage.kept == sum(messages for _, messages, _ in chunks) - chunks[2][1]
 
 
-def test_an_undamaged_recording_is_recovered_message_by_message(
-    bags: Any, made: Path, tmp_path: Path
-) -> None:
+def test_an_undamaged_recording_is_recovered_whole(bags: Any, made: Path, tmp_path: Path) -> None:
     (salvage,) = recover(made, tmp_path / "out")
     assert salvage.losses == []
 

@@ -88,9 +88,7 @@ def test_the_report_of_a_bag_names_every_topic(bag: Path, command: Callable[...,
         assert (topic.name in shown.stdout) is topic.recorded
 
 
-def test_damage_ends_the_check_with_exit_code_one(
-    bag: Path, command: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_damage_ends_the_check_with_exit_code_one(bag: Path, command: Any, tmp_path: Path) -> None:
     whole = command("bag", "check", bag, cwd=tmp_path)
     assert whole.returncode == 0, whole.stdout
     assert "is whole: " in whole.stdout
@@ -110,9 +108,7 @@ def test_damage_ends_the_check_with_exit_code_one(
 
 
 @pytest.mark.parametrize("action", ["info", "check", "replay", "play"])
-def test_a_folder_that_is_no_recording_is_refused_in_one_sentence(
-    command: Callable[..., Any], tmp_path: Path, action: str
-) -> None:
+def test_folder_that_is_no_recording_is_refused(command: Any, tmp_path: Path, action: str) -> None:
     options = ["--node", "fem", "--parameters", "p.yaml"] if action == "replay" else []
     (tmp_path / "p.yaml").write_text("{}")
     refused = command("bag", action, tmp_path, *options, cwd=tmp_path)
@@ -122,9 +118,7 @@ def test_a_folder_that_is_no_recording_is_refused_in_one_sentence(
 
 
 @pytest.mark.parametrize("action", ["info", "check", "replay", "play", "export", "recover"])
-def test_a_recording_that_is_not_there_is_no_command(
-    command: Callable[..., Any], tmp_path: Path, action: str
-) -> None:
+def test_an_absent_recording_is_no_command(command: Any, tmp_path: Path, action: str) -> None:
     options = {"replay": ["--node", "fem"], "export": ["--output", "t"], "recover": ["new"]}
     refused = command("bag", action, "missing", *options.get(action, []), cwd=tmp_path)
     assert refused.returncode == 2

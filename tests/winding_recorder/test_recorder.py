@@ -259,9 +259,7 @@ def test_what_cannot_be_stored_is_left_out_and_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("gone", ["folder", "file"])
-def test_a_bag_that_is_removed_is_not_named_and_the_run_goes_on(
-    ros: Any, tmp_path: Path, gone: str
-) -> None:
+def test_removed_bag_is_not_named_and_the_run_goes_on(ros: Any, tmp_path: Path, gone: str) -> None:
     machine = ros.plain("machine")
     publisher = topics.JOINT_STATES.advertise(machine)
     heard: list[Any] = []

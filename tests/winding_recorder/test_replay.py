@@ -88,7 +88,7 @@ def test_a_replay_gives_the_recorded_bytes(in_order: Path) -> None:
 
 
 @pytest.mark.parametrize("late", [13, 90], ids=["tension 13 ms late", "tension 90 ms late"])
-def test_answers_do_not_depend_on_the_order_of_arrival(
+def test_arrival_order_changes_nothing(
     bags: Any, in_order: Path, tmp_path: Path, late: int
 ) -> None:
     delayed = sorted(
@@ -105,9 +105,7 @@ def test_answers_do_not_depend_on_the_order_of_arrival(
     assert other.digest == replay(in_order, "fem").digest
 
 
-def test_a_message_of_another_time_holds_back_no_other(
-    bags: Any, in_order: Path, tmp_path: Path
-) -> None:
+def test_a_message_of_another_time_holds_none_up(bags: Any, in_order: Path, tmp_path: Path) -> None:
     arrivals = [(topic, message) for topic, _, message in inputs(bags.reading_at)]
     future = encode_tension(5000.0, 2.2)
     arrivals.insert(120, (topics.TENSION, future))
@@ -118,9 +116,7 @@ def test_a_message_of_another_time_holds_back_no_other(
     assert other.digest == answered.digest
 
 
-def test_a_damaged_recording_is_refused_in_a_sentence(
-    bags: Any, in_order: Path, tmp_path: Path
-) -> None:
+def test_a_damaged_recording_is_refused(bags: Any, in_order: Path, tmp_path: Path) -> None:
     """A database has no checksums: what is flipped reaches the replay."""
     folder = bags.as_sqlite(in_order, tmp_path / "bag")
     file = storage_file(folder)

@@ -40,9 +40,7 @@ COUNTS = {
     [{}, {"compression": "zstd"}, {"split_bytes": 600_000}],
     ids=["plain", "zstd", "split"],
 )
-def test_every_way_to_store_is_read_back_and_whole(
-    bags: Any, tmp_path: Path, config: dict[str, Any]
-) -> None:
+def test_every_way_to_store_is_read_back(bags: Any, tmp_path: Path, config: dict[str, Any]) -> None:
     folder = bags.whole(tmp_path / "bag", SAMPLES, **config)
     assert bags.counts(folder) == COUNTS
     assert check(folder).findings == []
@@ -93,9 +91,7 @@ def places(content: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]
             yield (*path, key)
 
 
-def test_metadata_that_contradicts_the_file_is_found_wherever_it_does(
-    bags: Any, tmp_path: Path
-) -> None:
+def test_metadata_that_contradicts_the_file_is_found(bags: Any, tmp_path: Path) -> None:
     folder = bags.whole(tmp_path / "bag", 30, began=1_700_000_000_000_000_000)
     file = folder / "metadata.yaml"
     text = file.read_text(encoding="utf-8")
@@ -238,9 +234,7 @@ def test_a_killed_writer_loses_at_most_its_last_chunk(bags: Any, tmp_path: Path)
         assert count - kept[topic] <= 0.065 * rate + 1
 
 
-def test_a_full_disk_leaves_a_whole_recording_of_what_came_before(
-    bags: Any, small_disk: Path
-) -> None:
+def test_a_full_disk_leaves_a_whole_recording_up_to_it(bags: Any, small_disk: Path) -> None:
     writer = bags.writer(small_disk / "bag")
     with pytest.raises(OSError, match=r"No space left|full"):
         bags.write_run(writer, SAMPLES)

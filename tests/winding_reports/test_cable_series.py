@@ -139,9 +139,7 @@ def test_twist_of_cable_that_does_not_roll_is_the_torsion_of_its_helix() -> None
         (["--csv", "nowhere/path.csv"], "there is no folder nowhere for path.csv"),
     ],
 )
-def test_what_cannot_be_written_is_refused_before_anything_is_wound(
-    options: list[str], sentence: str, tmp_path: Path
-) -> None:
+def test_unwritable_series_are_refused(options: list[str], sentence: str, tmp_path: Path) -> None:
     done = winding(tmp_path, "predict", "--case", 4, *options)
     assert done.exit_code == 2
     assert sentence in done.output

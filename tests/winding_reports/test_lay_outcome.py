@@ -80,9 +80,7 @@ def test_the_estimate_without_control_is_what_is_laid_without(watched: LayOutcom
 
 
 @pytest.mark.slow
-def test_driven_lay_is_judged_and_an_open_loop_is_reported(
-    driven: LayOutcome, watched: LayOutcome
-) -> None:
+def test_driven_lay_is_judged_and_open_loop_shown(driven: LayOutcome, watched: LayOutcome) -> None:
     assert driven.verdict.kept is True
     assert driven.drove
     assert watched.verdict.kept is False
@@ -143,9 +141,7 @@ def test_numbers_are_json_and_the_run_s_verdict_is_a_driven_lay_s(
 
 
 @pytest.mark.slow
-def test_report_shows_the_lay_of_a_controlled_run(
-    driven: LayOutcome, synthetic: Callable[..., Any]
-) -> None:
+def test_report_shows_the_lay_of_a_controlled_run(driven: LayOutcome, synthetic: Any) -> None:
     page = render_report(dataclasses.replace(synthetic(), lay=driven))
     for text in (
         ">Lay</h2>",

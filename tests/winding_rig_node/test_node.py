@@ -142,9 +142,7 @@ def test_new_calibration_is_carried_by_every_later_camera_info(ros: Any) -> None
         ),
     ],
 )
-def test_calibration_that_cannot_be_the_camera_s_is_refused(
-    ros: Any, info: CameraInfo, sentence: str
-) -> None:
+def test_calibration_of_no_camera_is_refused(ros: Any, info: CameraInfo, sentence: str) -> None:
     bench = heard(ros)
     request = SetCameraInfo.Request(camera_info=info)
     answer = ros.call(bench.probe, SetCameraInfo, "camera/set_camera_info", request)
@@ -414,9 +412,7 @@ def test_an_unusable_reading_does_not_end_the_camera(ros: Any, rig: RigNode) -> 
     assert port.times == [0.005]
 
 
-def test_without_a_rig_the_camera_is_refused_and_leaves_no_node(
-    ros: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_a_rig_the_camera_leaves_no_node(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("winding_rig_node.ros.hosted_camera._ATTEMPTS", 1)
     probe = ros.plain()
     with (

@@ -2,7 +2,6 @@
 
 import math
 import struct
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -162,9 +161,7 @@ def decode_corrected(message: Any) -> Any:
          "must be finite, point 0 is not"),
     ],
 )  # fmt: skip
-def test_what_a_topic_does_not_promise_is_refused(
-    decode: Callable[[Any], Any], message: Any, sentence: str
-) -> None:
+def test_what_a_topic_does_not_promise_is_refused(decode: Any, message: Any, sentence: str) -> None:
     with pytest.raises(MessageError, match=sentence):
         decode(message)
     if isinstance(message, Image):

@@ -167,9 +167,7 @@ def test_the_posterior_holds_the_cell_that_was_wound(stepped: RigPosterior) -> N
 
 
 @pytest.mark.slow
-def test_steps_of_the_pull_tell_friction_and_drag_apart(
-    stepped: RigPosterior, even: RigPosterior
-) -> None:
+def test_steps_of_pull_part_friction_and_drag(stepped: RigPosterior, even: RigPosterior) -> None:
     for name in ("friction", "drag_per_share", "young_per_share"):
         assert stepped.beliefs[name].half_width_90 < 0.5 * even.beliefs[name].half_width_90, name
 

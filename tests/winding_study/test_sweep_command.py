@@ -212,9 +212,7 @@ def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None
         ("parameters: [case]", "must hold a mapping named parameters"),
     ],
 )
-def test_a_bad_description_is_refused_before_anything_is_wound(
-    tmp_path: Path, spec: Path, text: str, sentence: str
-) -> None:
+def test_a_bad_description_is_refused(tmp_path: Path, spec: Path, text: str, sentence: str) -> None:
     spec.write_text(text, encoding="utf-8")
     code, output = sweep(spec, "--store", tmp_path / "store")
     assert code == 2
@@ -258,9 +256,7 @@ def test_a_description_that_is_not_there_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
-def test_an_ended_sweep_goes_on_where_it_stopped(
-    tmp_path: Path, spec: Path, how: signal.Signals
-) -> None:
+def test_an_ended_sweep_is_continued(tmp_path: Path, spec: Path, how: signal.Signals) -> None:
     spec.write_text(LONG, encoding="utf-8")
     store, out = tmp_path / "store", tmp_path / "table.npz"
     process = start("sweep", spec, "--store", store, "--output", out)

@@ -293,9 +293,7 @@ def _write_half_and_die(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_killed_writer_leaves_no_run_and_is_cleaned_up(
-    tmp_path: Path, refusals: list[str]
-) -> None:
+def test_a_killed_writer_leaves_no_run_and_is_cleaned(tmp_path: Path, refusals: list[str]) -> None:
     store = RunStore(tmp_path)
     store.path(KEY).parent.mkdir(parents=True)
     writer = multiprocessing.get_context("spawn").Process(

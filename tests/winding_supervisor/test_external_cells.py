@@ -83,9 +83,7 @@ def wind(cell: None, tmp_path: Path, command: Callable[..., Any]) -> Callable[..
     indirect=["cell"],
     ids=["ideal", "offset and reversed", "100 Hz positions with losses and delays"],
 )
-def test_markers_are_measured_where_they_lie(
-    wind: Callable[..., Wound], options: tuple[object, ...]
-) -> None:
+def test_markers_are_measured_where_they_lie(wind: Any, options: tuple[object, ...]) -> None:
     wound = wind(*options)
     assert wound.code == 0, wound.output
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
@@ -102,18 +100,14 @@ def test_markers_are_measured_where_they_lie(
     indirect=["cell"],
     ids=str,
 )
-def test_pauses_and_a_camera_clock_that_is_off_change_no_length(
-    wind: Callable[..., Wound], options: tuple[object, ...]
-) -> None:
+def test_pauses_and_wrong_clocks_change_no_length(wind: Any, options: tuple[object, ...]) -> None:
     wound = wind(*options)
     assert wound.code == 0, wound.output
     assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
 
 
 @pytest.mark.parametrize("cell", [{"camera_offset": 0.083}], indirect=True, ids=str)
-def test_the_trace_follows_frames_whose_stamps_are_ahead_of_their_exposure(
-    wind: Callable[..., Wound], tmp_path: Path
-) -> None:
+def test_the_trace_follows_frames_stamped_ahead_of_exposure(wind: Any, tmp_path: Path) -> None:
     wound = wind(*CORRECTED, "--trace", tmp_path / "trace.json")
     assert wound.code == 0, wound.output
     trace = json.loads((tmp_path / "trace.json").read_text(encoding="utf-8"))
@@ -179,9 +173,7 @@ def test_a_camera_in_the_trackers_process_hands_its_frames_over(
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_markers_of_another_cell_land_on_the_wanted_helix(
-    seed: int, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_markers_of_another_cell_land_on_the_helix(seed: int, tmp_path: Path, command: Any) -> None:
     truth = tmp_path / "truth.json"
     with running(COMMANDED_CELL, seed, truth, *in_namespace(NAMESPACE), ready="ready"):
         done = command(

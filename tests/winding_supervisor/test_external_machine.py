@@ -61,9 +61,7 @@ def test_offset_reversed_renamed_positions_in_millimetres_at_100_hz_make_no_diff
 
 
 @pytest.mark.parametrize("driver", [{"[self.angle, self": "[-self.angle, self"}], indirect=True)
-def test_a_reversed_axis_is_named_and_what_was_wound_is_kept(
-    wind: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_a_reversed_axis_is_named_and_what_was_wound_is_kept(wind: Any, tmp_path: Path) -> None:
     done = wind()
     assert done.returncode == 1
     assert "the cylinder turned backwards" in done.stderr

@@ -111,9 +111,7 @@ def test_only_a_machine_that_is_seen_standing_stands() -> None:
 
 
 @pytest.mark.parametrize("file", ["/dev/full", "gone/events.jsonl"])
-def test_a_disk_that_takes_no_event_hides_neither_event_nor_cause(
-    tmp_path: Path, file: str
-) -> None:
+def test_a_disk_that_takes_no_event_hides_no_event_nor_cause(tmp_path: Path, file: str) -> None:
     log = EventLog(file=tmp_path / file)
     cause = Cause(by=EndedBy.SUPERVISION, source="correction", text="correction is gone", t=1.25)
     log.note("detected", "correction", "ended with exit code -11", t=1.25)

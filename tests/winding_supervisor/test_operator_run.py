@@ -299,9 +299,7 @@ async def unasked(node: str) -> str:
 
 
 @pytest.mark.processes
-def test_page_that_is_refused_ends_the_start_with_its_sentence(
-    client: AsyncClient, tmp_path: Path
-) -> None:
+def test_refused_page_ends_the_start_with_its_sentence(client: AsyncClient, tmp_path: Path) -> None:
     page = keeper(client, tmp_path, host="0.0.0.0", port=1)
 
     async def start() -> None:

@@ -71,9 +71,7 @@ async def started(node: NodeProcess, work: Work, client: AsyncClient) -> None:
 
 @pytest.mark.slow
 @pytest.mark.asyncio
-async def test_a_node_whose_parameters_are_gone_names_their_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+async def test_gone_parameters_name_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros"))
     spec = next(spec for spec in GRAPH if spec.name == topics.CORRECTION)
     node = node_process(spec, NAMESPACE, tmp_path, {})
@@ -127,9 +125,7 @@ def test_a_held_process_is_given_up(client: AsyncClient, tmp_path: Path) -> None
 
 @pytest.mark.processes
 @pytest.mark.campaign
-def test_nodes_that_die_while_another_is_restarted_wait_for_their_own_restart(
-    client: AsyncClient, tmp_path: Path
-) -> None:
+def test_nodes_that_die_in_a_restart_wait_for_theirs(client: AsyncClient, tmp_path: Path) -> None:
     paced = [topic.name for topic in pace_topics() if topic is not topics.RECORDER_PROGRESS]
     parameters: dict[str, dict[str, object]] = {
         spec.name: {"case": 7, "duration": 3.0} for spec in GRAPH

@@ -178,9 +178,7 @@ async def test_two_services_that_hang_are_named() -> None:
 
 
 @pytest.mark.slow
-def test_closing_that_hangs_with_the_interpreters_lock_held_ends_the_process(
-    tmp_path: Path,
-) -> None:
+def test_closing_that_hangs_with_the_interpreter_lock_held_ends_the_process(tmp_path: Path) -> None:
     # A call into C through PyDLL keeps the lock, as the middleware's deadlock did.
     program = """
 import ctypes, sys

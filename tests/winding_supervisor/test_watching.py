@@ -269,9 +269,7 @@ def test_a_late_subscriber_gets_the_machine_of_the_run(ros: Any, tmp_path: Path)
         ),
     ],
 )
-def test_joint_states_that_are_not_the_machines_are_named(
-    names: list[list[str]], words: str
-) -> None:
+def test_joint_states_of_no_machine_are_named(names: list[list[str]], words: str) -> None:
     buffer = RunBuffer([topics.JOINT_STATES])
     for k in range(51):
         heard = names[k % len(names)]

@@ -307,9 +307,7 @@ def test_published_figures_stand_beside_ours(tmp_path: Path) -> None:
     assert "1 of 1 quantities within their bar" in done.output
 
 
-def test_bar_that_is_not_kept_ends_with_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bar_that_is_missed_ends_with_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cantilever(tmp_path)
     module = "winding_verification.experiments.comparison"
     monkeypatch.setattr(f"{module}._BARS", {"tip_deflection_error": 1.0e-9})
@@ -327,9 +325,7 @@ def test_bar_that_is_not_kept_ends_with_one(
         ({"rods": [{"centerline": [[0.0, 0.0]]}]}, "a centerline must be finite with shape"),
     ],
 )
-def test_file_with_other_content_is_refused_in_one_sentence(
-    tmp_path: Path, change: dict[str, object], sentence: str
-) -> None:
+def test_other_content_is_refused(tmp_path: Path, change: dict[str, object], sentence: str) -> None:
     file = cantilever(tmp_path)
     content = json.loads(file.read_text())
     content["scenario"] |= change
@@ -347,9 +343,7 @@ def test_file_with_other_content_is_refused_in_one_sentence(
         (["verify", "knot", "--external", "."], "no experiment named knot; there are cantilever"),
     ],
 )
-def test_folder_without_experiments_is_refused(
-    tmp_path: Path, words: list[str], sentence: str
-) -> None:
+def test_folder_without_any_is_refused(tmp_path: Path, words: list[str], sentence: str) -> None:
     done = winding(tmp_path, *words)
     assert done.exit_code == 2
     assert sentence in " ".join(done.output.split())

@@ -183,9 +183,7 @@ def test_tails_of_a_stiff_rod_balance_on_its_arc() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("friction", "wrap", "stiffness"), [(0.25, 1.4, 0.3), (0.35, 2.6, 2.0e-3)])
-def test_this_rod_slides_at_the_ratio_of_the_closed_form(
-    friction: float, wrap: float, stiffness: float
-) -> None:
+def test_this_rod_slides_at_the_closed_form(friction: float, wrap: float, stiffness: float) -> None:
     ratio = slipping_ratio(friction, wrap, stiffness)
     # Elements of 0.04 rad and the ramp leave 0.3 to 0.6 %; the stiff one holds 2 % less than limp.
     assert ratio == pytest.approx(limiting_ratio(friction, wrap, stiffness), rel=8.0e-3)

@@ -128,9 +128,7 @@ def truth(film: Path) -> tuple[np.ndarray, np.ndarray]:
     ],
     ids=lambda words: " ".join(words.values()) or "bgr8",
 )
-def test_every_delivery_of_the_film_is_measured_within_the_specification(
-    film: Path, delivery: dict[str, str]
-) -> None:
+def test_every_delivery_is_measured_to_specification(film: Path, delivery: dict[str, str]) -> None:
     handler = TrackerHandler(TrackerParameters(case=CASE, measure_lay=False))
     list(handler.begin(0.0))
     clouds = [

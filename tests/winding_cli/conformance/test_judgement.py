@@ -242,9 +242,7 @@ ONE_EACH = """for k, name in enumerate(state.name):
     indirect=["driver"],
     ids=["other names", "one joint in each message", "not a number"],
 )
-def test_joint_states_that_are_of_no_use_are_described(
-    driver: Any, sentence: str, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_useless_joints_are_named(driver: Any, sentence: str, tmp_path: Path, command: Any) -> None:
     done = command(
         *("conform", "--namespace", driver.namespace, "--no-camera", "--seconds", 1), cwd=tmp_path
     )
@@ -274,7 +272,7 @@ LOST = "rig/joint_targets end in motion: both axes stand within 2 s"
     indirect=["driver"],
     ids=["all kept", "takes early ones", "takes late ones", "lags", "goes on without"],
 )
-def test_what_a_driver_does_with_commands_is_found(
+def test_commands_are_checked(
     driver: Any, broken: str | None, tmp_path: Path, command: Callable[..., Any]
 ) -> None:
     done = command(

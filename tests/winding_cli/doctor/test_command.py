@@ -5,7 +5,6 @@ import os
 import resource
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -53,9 +52,7 @@ CHECKS = [
 ]
 
 
-def test_machine_that_runs_the_tests_passes_every_check(
-    command: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_machine_that_runs_the_tests_passes_every_check(command: Any, tmp_path: Path) -> None:
     done = command("doctor", "--json", tmp_path / "doctor.json", cwd=tmp_path)
     assert done.returncode == 0, done.stdout
     record = keeps_schema("doctor", (tmp_path / "doctor.json").read_bytes())
@@ -121,9 +118,7 @@ def test_doctor_itself_needs_no_ros() -> None:
     assert doctor.NAMESPACE == DEFAULT_NAMESPACE
 
 
-def test_domain_that_is_none_is_refused_when_it_is_asked_for(
-    command: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_domain_that_is_none_is_refused_when_it_is_asked_for(command: Any, tmp_path: Path) -> None:
     done = command("doctor", "--domain", 300, cwd=tmp_path)
     assert done.returncode == 2
     assert "0 to 232, got 300" in done.stderr

@@ -113,9 +113,7 @@ def test_written_bytes_reach_the_disk_and_go_again(tmp_path: Path) -> None:
         (host.judge_receive_buffer(212_992), OK, ""),
     ],
 )
-def test_the_host_is_held_against_what_a_run_takes(
-    finding: Finding, level: Level, found: str
-) -> None:
+def test_the_host_is_held_against_a_run(finding: Finding, level: Level, found: str) -> None:
     assert finding.level is level
     assert finding.found.startswith(found)
     assert bool(finding.advice) is (level is not OK)
