@@ -50,13 +50,11 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_every_package_is_in_the_ament_index(workspace: Path) -> None:
     index = workspace / "install/share/ament_index/resource_index/packages"
     assert {path.name for path in index.iterdir()} == PACKAGES
 
 
-@pytest.mark.slow
 def test_the_installed_command_runs_from_its_own_files(workspace: Path) -> None:
     install = workspace / "install"
     (site,) = install.glob("lib/python3*/site-packages")
@@ -73,14 +71,12 @@ def test_the_installed_command_runs_from_its_own_files(workspace: Path) -> None:
     assert re.search(r"P1\b", done.stdout)
 
 
-@pytest.mark.slow
 def test_the_launch_file_is_installed(workspace: Path) -> None:
     installed = workspace / "install/share/winding_bringup/launch/twin.launch.py"
     source = WORKSPACE / "src/winding_bringup/winding_bringup/launch/twin.launch.py"
     assert installed.read_bytes() == source.read_bytes()
 
 
-@pytest.mark.slow
 def test_colcon_test_runs_the_tests_of_a_room(workspace: Path) -> None:
     colcon("test", workspace, "--packages-select", "winding_core", "--return-code-on-test-failure")
     report = (workspace / "build/winding_core/pytest.xml").read_text(encoding="utf-8")

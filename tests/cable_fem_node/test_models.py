@@ -9,8 +9,6 @@ import functools
 import json
 import math
 import os
-import subprocess
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -24,6 +22,7 @@ from cable_fem_node.rod.rod_records import axial_response
 from cable_fem_node.solid.solid import Solid
 from cable_fem_node.solid.solid_law import SolidLaw
 from cable_fem_node.solid.solid_mesh import block, round_bar
+from processes import python
 from winding_core.cable.material_law import LAWS, MaterialLaw, NoEquilibriumError
 from winding_verification.rod.rod import Rod, RodSection
 from winding_verification.rod.statics import equilibrium, frequencies
@@ -347,14 +346,7 @@ def test_invalid_laws_are_refused(change: dict[str, Any], words: str) -> None:
 
 
 def outcome(**environment: str) -> Any:
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT],
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    done = python(SCRIPT, env={**os.environ, **environment}, timeout=240)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

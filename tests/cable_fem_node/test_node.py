@@ -2,8 +2,6 @@
 
 import itertools
 import os
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +13,7 @@ from solver_bench import FAILURE, SolverBench, heard_by, solver_node
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.solid_winding import SolidWinding
+from processes import python
 from winding_core.cable.material_report import MaterialReport
 from winding_core.markers import CABLE_DTYPE, MARKER_DTYPE, MarkerFlag, is_wound
 from winding_core.parameters import ParameterError
@@ -137,13 +136,7 @@ def test_load_beyond_the_material_s_limit_is_refused_at_configuration(ros: Any) 
 def test_an_identification_beside_the_machine_loads_nothing() -> None:
     # What it loads holds the interpreter, and with it the step of the rod.
     environment = dict(os.environ, PYTHONPATH=str(Path(__file__).parent))
-    done = subprocess.run(
-        [sys.executable, "-c", IDENTIFIES],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=environment,
-    )
+    done = python(IDENTIFIES, env=environment)
     assert done.stdout == "[]\n", done.stdout + done.stderr
 
 

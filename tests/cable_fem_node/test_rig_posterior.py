@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from rods import CASE, case_of, readings, tracked, wound
+from rods import CASE, cable_on, case_of, readings, tracked, wound
 
 from cable_fem_node.identification import (
     KNOWN_TENSION,
@@ -23,12 +23,13 @@ from cable_fem_node.identification import (
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cable.cases import Case, Material, paper_case
+from winding_core.cable.cases import paper_case
 from winding_core.machine.tension import RigTension
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 # docs/vision.md, on the 30 mm cylinder.
 SIGMA_THETA, SIGMA_Z = 3.0e-3, 0.12e-3
+SIGMAS = {"sigma_theta": SIGMA_THETA, "sigma_z": SIGMA_Z}
 STEADY = {
     "young": 2.2e6,
     "free_length": 0.205,
@@ -57,8 +58,7 @@ def run_of(
 ) -> TrackedRun:
     """Return the first markers of a rig; without a seed they are where they lie."""
     every = np.arange(1, 5)
-    sigmas = {"sigma_theta": np.full(4, SIGMA_THETA), "sigma_z": np.full(4, SIGMA_Z)}
-    run = tracked(case_of(case), 20.0, ids=every, theta=6.0 * every, z=0.01 * every, **sigmas)
+    run = tracked(case_of(case), 20.0, theta=6.0 * every, z=0.01 * every, **SIGMAS)
     if tension is not None:
         run.inputs["tension"] = tension
     theta, z = laid(run, rig)
@@ -66,8 +66,7 @@ def run_of(
     share = 0.0 if seed is None else 1.0
     theta = theta + share * SIGMA_THETA * rng.standard_normal(4)
     z = z + share * SIGMA_Z * rng.standard_normal(4)
-    found = readings(ids=every, theta=theta, z=z, **sigmas)
-    return dataclasses.replace(run, readings=found.first(markers))
+    return dataclasses.replace(run, readings=readings(theta=theta, z=z, **SIGMAS).first(markers))
 
 
 def lengths(case: int, rig: dict[str, float]) -> np.ndarray:
@@ -214,15 +213,7 @@ def test_the_same_markers_give_the_same_posterior() -> None:
 
 def small(law: str, friction: float) -> WindingConfig:
     """Return a cable of 1.5 mm on a cylinder of 16 mm."""
-    material = Material(young=2.0e6)
-    case = Case(
-        cylinder_diameter=16.0e-3,
-        cable_diameter=1.5e-3,
-        weight=0.4,
-        material=material,
-        marker_count=4,
-        marker_spacing=0.05,
-    )
+    case = cable_on(16.0e-3, 1.5e-3, 0.4, 2.0e6, marker_count=4, marker_spacing=0.05)
     return WindingConfig(case=case, law=law, friction=friction)
 
 
@@ -242,14 +233,12 @@ WOUND = {
 def test_closed_form_lies_where_the_rod_lies(config: WindingConfig) -> None:
     theta, z = wound(config)
     young = config.case.material.young
-    ids = np.arange(1, theta.size + 1)
-    sigmas = {"sigma_theta": np.full(ids.size, SIGMA_THETA), "sigma_z": np.full(ids.size, SIGMA_Z)}
-    run = tracked(config, 20.0, ids=ids, theta=theta, z=z, **sigmas)
+    run = tracked(config, 20.0, theta=theta, z=z, **SIGMAS)
     rig = STEADY | WHOLE | {"free_length": config.free_length}
-    found, found_z = (row[: ids.size] for row in laid(run, rig | {"young": young}))
+    found, found_z = (row[: theta.size] for row in laid(run, rig | {"young": young}))
     stiffer, _ = laid(run, rig | {"young": 1.01 * young})
     # 0.2 % of E is the specification's.
-    sensitivity = np.log(stiffer[: ids.size] / found) / np.log(1.01)
+    sensitivity = np.log(stiffer[: theta.size] / found) / np.log(1.01)
     assert np.abs(np.log(theta / found) / sensitivity).max() < 2.0e-3
     # Half the deviation of the tracker on the large cylinder.
     assert found_z == pytest.approx(z, abs=0.025e-3)

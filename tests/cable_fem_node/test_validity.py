@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from random_conditions import SCALED_FROM, effort, planned
-from rods import CONFIG, case_of
+from rods import CONFIG, cable_on, case_of
 
 from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultError, SolverError
 from cable_fem_node.winding.expected_cost import expected_cost
@@ -18,7 +18,6 @@ from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.validity import Check, checks_of, motion_check
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cable.cases import Case, Material
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import RigTension
 
@@ -29,15 +28,7 @@ STRETCH_PCT = 0.2  # The promise: elements of half the length change the wound s
 def config(
     cylinder: float, cable: float, tension: float, young: float = 2.6e6, **own: Any
 ) -> WindingConfig:
-    case = Case(
-        cylinder_diameter=cylinder,
-        cable_diameter=cable,
-        weight=tension,
-        marker_spacing=0.1,
-        marker_count=1,
-        material=Material(young=young),
-    )
-    return WindingConfig(case=case, **own)
+    return WindingConfig(case=cable_on(cylinder, cable, tension, young), **own)
 
 
 def bending_share(what: WindingConfig) -> float:

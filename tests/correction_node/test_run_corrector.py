@@ -204,17 +204,7 @@ def test_what_no_cable_can_be_is_counted_and_not_used(
     assert run.basis == basis
 
 
-@pytest.mark.parametrize(
-    "flag",
-    [
-        MarkerFlag.OCCLUDED,
-        MarkerFlag.CLIPPED,
-        MarkerFlag.TOUCHING,
-        MarkerFlag.SLIPPED,
-        MarkerFlag.PREDICTED,
-        MarkerFlag.NOT_WOUND,
-    ],
-)
+@pytest.mark.parametrize("flag", MarkerFlag)
 def test_flags_are_no_measurements(run: RunCorrector, untouched: Markers, flag: MarkerFlag) -> None:
     for _ in range(2 * SETTLED_FRAMES):
         run.measured.take(LATE, records(S_EXP[:2], flags=int(flag)))

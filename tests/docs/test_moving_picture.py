@@ -54,7 +54,6 @@ def test_the_readme_begins_with_a_loop() -> None:
 
 @pytest.mark.campaign
 @pytest.mark.processes
-@pytest.mark.slow
 def test_a_recording_becomes_a_moving_picture(recorded_run: Any, tmp_path: Path) -> None:
     found = frames(make("run", recorded_run.bag, "made.webp", folder=tmp_path))
     # One every tenth of a second, both ends included; equal ones would be one.
@@ -69,7 +68,6 @@ def test_a_recording_becomes_a_moving_picture(recorded_run: Any, tmp_path: Path)
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.skipif(not CHROMIUM.exists(), reason="needs Chromium")
 def test_a_page_becomes_a_moving_picture(tmp_path: Path) -> None:
     page = tmp_path / "page.html"

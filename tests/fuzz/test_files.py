@@ -262,7 +262,6 @@ def check_sweep(content: Any) -> None:
             assert not isinstance(value, float) or math.isfinite(value)
 
 
-@pytest.mark.slow
 @fuzzed
 @given(
     changed=st.dictionaries(

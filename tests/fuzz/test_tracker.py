@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from made_up import AXES
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 
@@ -243,7 +244,7 @@ def sent(t: float, topic: Topic, content: Any) -> bytes:
     if topic is topics.IMAGE:
         return serialised(picture(t, *content))
     if topic is topics.JOINT_STATES:
-        return encode_joint_state(t, AxisReading(**dict(zip(FIELDS, content, strict=True))))
+        return encode_joint_state(t, AxisReading(**dict(zip(AXES, content, strict=True))))
     return serialised(content)
 
 
@@ -284,6 +285,3 @@ def test_any_messages(messages: list[tuple[Topic, Any]]) -> None:
         for answer in answers:
             assert answer.topic is topics.TRACKED_MARKERS
             require_valid(decode_cloud(answer.message, MARKER_DTYPE)[1])
-
-
-FIELDS = ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed")

@@ -1,8 +1,6 @@
 """What the lay controller answers to encoded messages: commands in the joint's own unit, modes."""
 
 import math
-import subprocess
-import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +11,7 @@ import pytest
 
 from lay_control_node.ros.message_handler import Clocks, LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
+from processes import python
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlBasis, ControlMode
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.readings import AxisReading, GuidePlace
@@ -383,13 +382,7 @@ assert wind(handler, 0.0, 0.001)
 ours = ("scipy", "numpy", "lay_control_node", "winding_core")
 print([name for name in set(sys.modules) - before if name.startswith(ours)])
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).parents[2],
-    )
+    done = python(script, cwd=Path(__file__).parents[2])
     assert done.stdout == "[]\n", done.stdout + done.stderr
 
 

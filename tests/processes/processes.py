@@ -107,3 +107,11 @@ def running(
 def in_namespace(namespace: str) -> tuple[str, ...]:
     """Return the words with which a node joins a namespace."""
     return "--ros-args", "-r", f"__ns:=/{namespace}"
+
+
+def python(
+    program: str, *words: object, check: bool = False, **options: Any
+) -> "subprocess.CompletedProcess[str]":
+    """Run a program in a Python of its own; return how it ended and what it printed."""
+    command = [sys.executable, "-c", program, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, check=check, **options)

@@ -58,7 +58,6 @@ def test_without_a_brake_the_weight_pulls(tmp_path: Path) -> None:
 
 @pytest.mark.campaign
 @pytest.mark.processes
-@pytest.mark.slow
 def test_a_real_run_leaves_a_cell_and_a_cable(tmp_path: Path) -> None:
     words = (*OF_CASE, "--speed", 0, "--output", "run", "--truth", "truth.json", "--name", "hose")
     done = subprocess.run(

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 import typer
 
+from processes import python
 from winding_cli.terminal.output_path import (
     UNFINISHED,
     check_output_file,
@@ -37,9 +38,7 @@ except KeyboardInterrupt:
 
 
 def test_second_signal_kills_the_children_and_lets_closing_go_on() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED_TWICE], capture_output=True, text=True, check=True
-    )
+    done = python(INTERRUPTED_TWICE, check=True)
     assert done.stdout.splitlines() == ["closed, child -9", "interrupted"]
 
 

@@ -40,7 +40,6 @@ def small(bags: Any, tmp_path: Path) -> Path:
     return bags.whole(tmp_path / "bag", 60)
 
 
-@pytest.mark.slow
 def test_every_flipped_bit_is_seen(small: Path) -> None:
     file = storage_file(small)
     whole = file.read_bytes()
@@ -116,7 +115,6 @@ def test_lost_messages_are_findings(bags: Any, tmp_path: Path) -> None:
     assert lost == 3
 
 
-@pytest.mark.slow
 def test_a_cut_file_gives_back_every_whole_chunk(bags: Any, tmp_path: Path) -> None:
     made = bags.whole(tmp_path / "made", 150, chunk_bytes=40_000)
     file = storage_file(made)

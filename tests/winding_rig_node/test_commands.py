@@ -63,7 +63,6 @@ def missed(
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.parametrize("rate", [50, 100])
 @pytest.mark.parametrize(("send", "meant"), [(by_position, sine), (by_speed, from_rest)])
 def test_streamed_sine_is_followed(rate: int, send: Target, meant: Any) -> None:
@@ -73,7 +72,6 @@ def test_streamed_sine_is_followed(rate: int, send: Target, meant: Any) -> None:
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 def test_a_missing_sample_does_not_tear_a_stream() -> None:
     def due(count: int) -> bool:
         # One of ten is lost.
@@ -83,7 +81,6 @@ def test_a_missing_sample_does_not_tear_a_stream() -> None:
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.1], ids=["lines", "cubics"])
 def test_sine_as_a_trajectory_is_followed(step: float) -> None:
     rig = winding()

@@ -173,7 +173,6 @@ def test_table_8_shows_the_paper_the_network_and_the_best(record: StudyRecord) -
     assert means["paper, as printed"] == pytest.approx(4.81, abs=0.005)
 
 
-@pytest.mark.slow
 def test_the_papers_weights_stand_beside_ours_when_its_simulation_is_the_base() -> None:
     cells = join_experiment(
         {(row.case, row.marker): row.simulation.s for row in published_markers()}, source="test"
@@ -197,7 +196,6 @@ def test_noise_stands_in_percent_with_a_column_for_each_kind(record: StudyRecord
     assert "imulated" in record.noise.note
 
 
-@pytest.mark.slow
 def test_without_models_the_verdict_says_why(small: StudyRecord) -> None:
     bare = dataclasses.replace(small, models={}, cells=(), noise=None)
     assert "No model of h was compared" in bare.verdict()
@@ -205,7 +203,6 @@ def test_without_models_the_verdict_says_why(small: StudyRecord) -> None:
     assert "Models of the weight" not in render_study(bare)
 
 
-@pytest.mark.slow
 def test_one_case_alone_makes_a_page() -> None:
     result = _wound(4)
     alone = StudyRecord(
@@ -217,7 +214,6 @@ def test_one_case_alone_makes_a_page() -> None:
     assert any(heading.startswith("Table 3") for heading in headings)
 
 
-@pytest.mark.slow
 def test_the_page_has_every_table_and_figure_and_loads_nothing(page: str) -> None:
     read = ReportPage(page)
     read.require_whole()
@@ -227,7 +223,6 @@ def test_the_page_has_every_table_and_figure_and_loads_nothing(page: str) -> Non
     assert len(read.anchors) > 10
 
 
-@pytest.mark.slow
 def test_every_table_cell_is_on_paper(page: str, tmp_path) -> None:
     path = tmp_path / "index.html"
     path.write_text(page, encoding="utf-8")
@@ -236,13 +231,11 @@ def test_every_table_cell_is_on_paper(page: str, tmp_path) -> None:
     assert outside_the_margins(words) == []
 
 
-@pytest.mark.slow
 def test_names_of_models_cannot_become_markup(page: str) -> None:
     assert "<other>" not in page
     assert "&lt;other&gt; &amp; model" in page
 
 
-@pytest.mark.slow
 def test_the_same_study_gives_the_same_bytes() -> None:
     result = _wound(8)
     alone = StudyRecord(
@@ -251,7 +244,6 @@ def test_the_same_study_gives_the_same_bytes() -> None:
     assert render_study(alone) == render_study(alone)
 
 
-@pytest.mark.slow
 def test_the_folder_has_the_page_and_a_csv_file_of_every_table(small, tmp_path) -> None:
     path = write_study(small, tmp_path / "deep" / "study")
     names = {file.name for file in path.parent.iterdir()}
@@ -265,7 +257,6 @@ def test_the_folder_has_the_page_and_a_csv_file_of_every_table(small, tmp_path) 
     assert len((path.parent / "table_7.csv").read_text().splitlines()) == 49
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 390])
 def test_axe_finds_nothing_grave_on_the_study(page: str, tmp_path: Path, width: int) -> None:
     file = tmp_path / "study.html"
@@ -359,7 +350,6 @@ def test_runs_too_short_to_compare_are_refused(tmp_path) -> None:
     assert "no measured marker is wound" in result.stderr
 
 
-@pytest.mark.slow
 def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> None:
     out = tmp_path / "study.json"
     result = _study(
@@ -378,7 +368,6 @@ def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> Non
     assert "within_run" in read["tables"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
     process = start("study", "--cases", "1", *SLOW, cwd=tmp_path)
@@ -390,7 +379,6 @@ def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
     assert "Traceback" not in output
 
 
-@pytest.mark.slow
 def test_a_killed_study_started_again_goes_on_and_says_so(tmp_path) -> None:
     store = tmp_path / "runs" / "study"
     arguments = ("--duration", "8", "--no-models", "--processes", "1")

@@ -169,7 +169,6 @@ def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
     assert np.isfinite(read(out)["p1_s_m"]).tolist() == [True, False]
 
 
-@pytest.mark.slow
 def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None:
     whole, out = tmp_path / "whole.npz", tmp_path / "table.npz"
     sweep(spec, "--store", tmp_path / "one", "--output", whole, "--processes", 1)
@@ -254,7 +253,6 @@ def test_a_description_that_is_not_there_is_named(tmp_path: Path) -> None:
     assert "none.yaml: No such file or directory" in output
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
 def test_an_ended_sweep_is_continued(tmp_path: Path, spec: Path, how: signal.Signals) -> None:
     spec.write_text(LONG, encoding="utf-8")
@@ -313,7 +311,6 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[str], list[int]]]:
         yield cluster.scheduler_address, options, [one.pid for one in cluster.workers.values()]
 
 
-@pytest.mark.slow
 def test_a_cluster_behind_tls_loses_nothing_with_a_worker(
     tmp_path: Path, spec: Path, scheduler: tuple[str, list[str], list[int]]
 ) -> None:

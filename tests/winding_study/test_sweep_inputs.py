@@ -4,8 +4,6 @@ import math
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -16,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cable_fem_node.winding.winding_config import WindingConfig
+from processes import python
 from winding_core.cable.cases import paper_case
 from winding_study.run_store import RunStore, run_key, solver_sources, solver_version, write_whole
 from winding_study.sweep.spec import SpecError, SweepSpec, parse_spec
@@ -205,10 +204,7 @@ def test_what_has_no_canonical_form_is_refused() -> None:
 @pytest.mark.slow
 def test_the_version_covers_what_a_prediction_loads_and_no_adapter() -> None:
     names = set(solver_sources())
-    loaded = subprocess.run(
-        [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
-    )
-    files = {name.replace(".", "/") for name in loaded.stdout.split()}
+    files = {name.replace(".", "/") for name in python(LOADED, check=True).stdout.split()}
     covered = {name.removesuffix(".py").removesuffix("/__init__") for name in names}
     assert files <= covered
     assert {"cable_fem_node/winding/winding_kernels.py", "winding_core/cable/cases.py"} <= names

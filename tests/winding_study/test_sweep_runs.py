@@ -186,7 +186,6 @@ def test_no_other_format_is_written(tmp_path: Path) -> None:
         write_table(tmp_path / "t.ods", {})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", [JoblibEngine(processes=1), DaskEngine(processes=2)])
 def test_engines_give_the_same_table(tmp_path: Path, engine: Engine) -> None:
     given = runs(6)
@@ -214,7 +213,6 @@ def test_only_what_is_missing_is_wound(tmp_path: Path) -> None:
     assert set(stored_results(store, list(given), quiet)) == set(others)
 
 
-@pytest.mark.slow
 def test_a_killed_process_loses_nothing(tmp_path: Path) -> None:
     given = runs(48, duration=2.0)
     winding = JoblibEngine(processes=2).wind(given, RunStore(tmp_path))
@@ -236,7 +234,6 @@ def deadly(count: int) -> dict[str, PlannedRun]:
     return runs(count) | {key_of(poison): poison}
 
 
-@pytest.mark.slow
 def test_a_run_that_kills_every_process_ends_the_sweep_but_no_other_run(tmp_path: Path) -> None:
     given = deadly(4)
     with pytest.raises(EngineError, match=r"killed 3 times in a row.*; 1 runs are missing"):
@@ -246,7 +243,6 @@ def test_a_run_that_kills_every_process_ends_the_sweep_but_no_other_run(tmp_path
 
 # Eight workers start one after the other, on a busy computer for half a minute each.
 @pytest.mark.timeout(900)
-@pytest.mark.slow
 def test_a_run_that_kills_every_worker_of_a_cluster_ends_no_other_run(tmp_path: Path) -> None:
     given = deadly(4)
     with pytest.raises(EngineError, match="1 runs ended their worker again and again"):

@@ -146,7 +146,6 @@ def test_a_wrong_lag_of_the_rod_is_noticed(monkeypatch, factor):
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.parametrize("factor", FIVE_PERCENT)
 @pytest.mark.parametrize("name", SOLID)
 def test_a_wrong_coefficient_of_the_solid_is_noticed(monkeypatch, name, factor):

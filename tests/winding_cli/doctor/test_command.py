@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from in_process import keeps_schema
 
+from processes import python
 from winding_cli.commands import doctor
 from winding_ros.graph import DEFAULT_NAMESPACE
 
@@ -111,10 +112,7 @@ def test_doctor_itself_needs_no_ros() -> None:
         "import sys, winding_cli.cli, winding_cli.commands.doctor\n"
         "print('rclpy' in sys.modules, 'sensor_msgs' in sys.modules)"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", look], capture_output=True, text=True, timeout=120.0, check=True
-    )
-    assert done.stdout == "False False\n"
+    assert python(look, timeout=120.0, check=True).stdout == "False False\n"
     assert doctor.NAMESPACE == DEFAULT_NAMESPACE
 
 
