@@ -2,11 +2,12 @@
 
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
@@ -26,19 +27,12 @@ def environment(**more: str) -> dict[str, str]:
 
 
 def colcon(verb: str, folder: Path, *arguments: str) -> str:
-    done = subprocess.run(
-        [
-            *("colcon", "--log-base", str(folder / "log"), verb, "--merge-install"),
-            *("--base-paths", str(WORKSPACE / "src"), "--build-base", str(folder / "build")),
-            *("--install-base", str(folder / "install"), *arguments),
-        ],
-        env=environment(),
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    done = ran(
+        *("colcon", "--log-base", folder / "log", verb, "--merge-install"),
+        *("--base-paths", WORKSPACE / "src", "--build-base", folder / "build"),
+        *("--install-base", folder / "install", *arguments),
+        env=environment(), cwd=folder, timeout=240,
+    )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -58,15 +52,8 @@ def test_every_package_is_in_the_ament_index(workspace: Path) -> None:
 def test_the_installed_command_runs_from_its_own_files(workspace: Path) -> None:
     install = workspace / "install"
     (site,) = install.glob("lib/python3*/site-packages")
-    done = subprocess.run(
-        [str(install / "lib/winding_cli/winding"), "predict", "--case", "4", "--duration-s=1"],
-        env=environment(PYTHONPATH=str(site)),
-        cwd=workspace,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    words = (install / "lib/winding_cli/winding", "predict", "--case", 4, "--duration-s=1")
+    done = ran(*words, env=environment(PYTHONPATH=str(site)), cwd=workspace, timeout=240)
     assert done.returncode == 0, done.stderr
     assert re.search(r"P1\b", done.stdout)
 

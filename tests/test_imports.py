@@ -21,8 +21,7 @@ def loaded(code: str, names: tuple[str, ...]) -> list[str]:
     ask = f"{code}\nimport sys\nprint(*[name for name in {names!r} if name in sys.modules])"
     # What counts lines imports modules of its own.
     own = {name: value for name, value in os.environ.items() if "COVERAGE" not in name}
-    done = python(ask, check=True, timeout=120, env=own)
-    return done.stdout.splitlines()[-1].split()
+    return python(ask, check=True, timeout=120, env=own).stdout.splitlines()[-1].split()
 
 
 @pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.package)

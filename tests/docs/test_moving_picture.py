@@ -1,7 +1,6 @@
 """The moving picture of the README, and the program that makes it."""
 
 import itertools
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,8 @@ import pytest
 from chromium import CHROMIUM
 from PIL import Image
 
+from processes import ran
+
 ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "docs" / "images" / "moving_picture.py"
 SHOWN = ROOT / "docs" / "images" / "run-case-4.webp"
@@ -19,14 +20,7 @@ LARGEST = 2_000_000  # Of a forge
 
 
 def make(*arguments: object, folder: Path) -> Image.Image:
-    finished = subprocess.run(
-        [sys.executable, str(PROGRAM), *map(str, arguments)],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=240.0,
-        check=False,
-    )
+    finished = ran(sys.executable, PROGRAM, *arguments, cwd=folder, timeout=240.0)
     assert finished.returncode == 0, finished.stderr
     return Image.open(folder / "made.webp")
 

@@ -39,7 +39,6 @@ def until(
 
 
 def page_answers(url: str) -> bool:
-    """Return whether a page is served at an address."""
     try:
         urllib.request.urlopen(url, timeout=5.0).read()
     except OSError:
@@ -109,9 +108,13 @@ def in_namespace(namespace: str) -> tuple[str, ...]:
     return "--ros-args", "-r", f"__ns:=/{namespace}"
 
 
-def python(
-    program: str, *words: object, check: bool = False, **options: Any
-) -> "subprocess.CompletedProcess[str]":
-    """Run a program in a Python of its own; return how it ended and what it printed."""
-    command = [sys.executable, "-c", program, *map(str, words)]
-    return subprocess.run(command, capture_output=True, text=True, check=check, **options)
+def ran(*words: object, check: bool = False, **options: Any) -> "subprocess.CompletedProcess[str]":
+    """Run a command to its end; return how it ended and what it printed."""
+    return subprocess.run(
+        [*map(str, words)], capture_output=True, text=True, check=check, **options
+    )
+
+
+def python(program: str, *words: object, **options: Any) -> "subprocess.CompletedProcess[str]":
+    """Run a program in a Python of its own."""
+    return ran(sys.executable, "-c", program, *words, **options)

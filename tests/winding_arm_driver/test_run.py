@@ -58,13 +58,10 @@ LED_CELL = CELL | {
 MAPPING = {
     "cylinder": {"topic": "cell/states", "joint": "table"},
     "guide": {
-        "source": "joints",
-        "topic": "cell/states",
-        "urdf": "gantry.urdf",
-        "base": "floor",
+        "source": "joints", "topic": "cell/states", "urdf": "gantry.urdf", "base": "floor",
         "tip": "eye",
     },
-}
+}  # fmt: skip
 
 
 def arm_driver(folder: Path, namespace: str, **sections: object) -> Any:
@@ -80,22 +77,19 @@ def arm_driver(folder: Path, namespace: str, **sections: object) -> Any:
 @pytest.mark.parametrize("driver", [LED_CELL], indirect=True)
 def test_driver_conforms_and_takes_targets(driver: Any, tmp_path: Path, command: Any) -> None:
     with arm_driver(tmp_path, driver.namespace, commands={"type": "positions"}):
-        done = command(
-            *("conform", "--no-camera", "--move", "--namespace", driver.namespace), cwd=tmp_path
-        )
-    assert done.returncode == 0, done.stdout + done.stderr
+        words = ("conform", "--no-camera", "--move", "--namespace", driver.namespace)
+        command(*words, cwd=tmp_path, code=0)
 
 
 @pytest.mark.parametrize("driver", [CELL], indirect=True)
 def test_span_that_grows_is_predicted_as_it_is(driver: Any, tmp_path: Path, command: Any) -> None:
     with arm_driver(tmp_path, driver.namespace):
-        done = command(
+        command(
             *("run", "--case", 4, "--machine", "external", "--no-camera"),
             *("--namespace", driver.namespace, "--duration-s", DURATION),
             *("--output", tmp_path / "run", "--bag", tmp_path / "run" / "bag"),
-            cwd=tmp_path,
-        )
-    assert done.returncode == 0, done.stdout + done.stderr
+            cwd=tmp_path, code=0,
+        )  # fmt: skip
     marker = topic_rows(tmp_path / "run" / "bag", "fem/markers")[-1][1]
     wanted, steady = predicted(LONGER), predicted(0.0)
     length = math.hypot(CASE.centreline_radius * marker["theta"], marker["z"])

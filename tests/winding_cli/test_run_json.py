@@ -18,8 +18,7 @@ CELL = "condition: {case: 11, duration_s: 1.3}\nrecording: {json: '-', output: l
 )
 def test_json_goes_to_stdout_alone(words: tuple[object, ...], command: Any, tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text(CELL, encoding="utf-8")
-    done = command("run", *words, "--speed", 0, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done = command("run", *words, "--speed", 0, cwd=tmp_path, code=0)
     outcome = json.loads(done.stdout)["outcome"]
     assert outcome["done"]["time_s"] == pytest.approx(1.3)
     for sentence in outcome["sentences"]:

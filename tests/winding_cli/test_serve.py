@@ -157,13 +157,11 @@ def server(tmp_path: Path) -> Iterator[Path]:
 def test_a_goal_is_wound_with_feedback_and_a_result(
     server: Path, ros: Any, command: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    second = command("serve", "--namespace", NAMESPACE, cwd=server.parent)
-    assert second.returncode == 2
+    second = command("serve", "--namespace", NAMESPACE, cwd=server.parent, code=2)
     assert f"already has a server of goals in namespace /{NAMESPACE}" in second.stderr
     # Another user, or a container, has other locks.
     monkeypatch.setenv("TMPDIR", str(server.parent))
-    third = command("serve", "--namespace", NAMESPACE, cwd=server.parent)
-    assert third.returncode == 2
+    third = command("serve", "--namespace", NAMESPACE, cwd=server.parent, code=2)
     assert f"has a server of goals in /{NAMESPACE}" in third.stderr
     node = ros.plain("controller")
     states: list[int] = []

@@ -166,12 +166,9 @@ def capstan(folder: Path, overhang: float = 0.8, friction: float = 0.3) -> Path:
     arc = np.concatenate([[0.0], np.cumsum(rest)]).tolist()
     one = rod(points, radius, young, rest_arc_length=arc)
     cylinder = {
-        "center": [0.0, 0.0, 0.0],
-        "axis": [0.0, 1.0, 0.0],
-        "radius": 0.05,
-        "length": 0.1,
+        "center": [0.0, 0.0, 0.0], "axis": [0.0, 1.0, 0.0], "radius": 0.05, "length": 0.1,
         "friction": friction,
-    }
+    }  # fmt: skip
     return write(
         folder,
         "capstan",
@@ -287,8 +284,7 @@ def test_each_physical_problem_is_computed_once(tmp_path: Path) -> None:
     again = cantilever(tmp_path / "a-resolution")
     content = json.loads(again.read_text())
     again.write_text(json.dumps({**content, "varied": {"resolution": 10}}))
-    other = cantilever(tmp_path / "pile")
-    other.write_text(json.dumps({**content, "name": "pile"}))
+    cantilever(tmp_path / "pile").write_text(json.dumps({**content, "name": "pile"}))
     assert found_experiments(tmp_path) == ([kept], ("pile",))
 
 
@@ -298,8 +294,7 @@ def test_published_figures_stand_beside_ours(tmp_path: Path) -> None:
     result = {"solver": "slow", "metrics": {"tip_deflection_error": 0.0731, "other": None}}
     (file.parent / "slow" / "result.json").write_text(json.dumps(result))
     table = tmp_path / "rows.json"
-    done = winding(tmp_path, "verify", "--external", tmp_path, "--json", table)
-    assert done.exit_code == 0, done.output
+    done = winding(tmp_path, "verify", "--external", tmp_path, "--json", table, code=0)
     (row,) = json.loads(table.read_text())
     assert row["published"] == {"slow": 0.0731}
     assert row["pass"]
@@ -311,8 +306,7 @@ def test_bar_that_is_missed_ends_with_one(tmp_path: Path, monkeypatch: pytest.Mo
     cantilever(tmp_path)
     module = "winding_verification.experiments.comparison"
     monkeypatch.setattr(f"{module}._BARS", {"tip_deflection_error": 1.0e-9})
-    done = winding(tmp_path, "verify", "--external", tmp_path)
-    assert done.exit_code == 1
+    done = winding(tmp_path, "verify", "--external", tmp_path, code=1)
     assert "0 of 1 quantities within their bar" in done.output
 
 
@@ -344,6 +338,5 @@ def test_other_content_is_refused(tmp_path: Path, change: dict[str, object], sen
     ],
 )
 def test_folder_without_any_is_refused(tmp_path: Path, words: list[str], sentence: str) -> None:
-    done = winding(tmp_path, *words)
-    assert done.exit_code == 2
+    done = winding(tmp_path, *words, code=2)
     assert sentence in " ".join(done.output.split())

@@ -194,8 +194,7 @@ def test_table_s_ratio_stands_beside_ours(tmp_path: Path) -> None:
     table(tmp_path, f"0.3,1.2,0.1,{ratio}")
     rows = tmp_path / "rows.json"
     words = ["verify", "elastic_capstan", "--external", str(tmp_path), "--json", str(rows)]
-    done = winding(tmp_path, *words)
-    assert done.exit_code == 0, done.output
+    winding(tmp_path, *words, code=0)
     (row,) = json.loads(rows.read_text())
     assert row["published"]["closed form"] == pytest.approx(0.0, abs=1.0e-12)
     assert abs(row["computed"]) < 8.0e-3
@@ -213,13 +212,11 @@ def test_table_s_ratio_stands_beside_ours(tmp_path: Path) -> None:
 )
 def test_table_with_other_content_is_refused(tmp_path: Path, line: str, sentence: str) -> None:
     table(tmp_path, line)
-    done = winding(tmp_path, "verify", "elastic_capstan", "--external", tmp_path)
-    assert done.exit_code == 2
+    done = winding(tmp_path, "verify", "elastic_capstan", "--external", tmp_path, code=2)
     assert sentence in " ".join(done.output.split())
 
 
 def test_folder_without_a_table_is_refused_with_its_columns(tmp_path: Path) -> None:
-    done = winding(tmp_path, "verify", "elastic_capstan", "--external", tmp_path)
-    assert done.exit_code == 2
+    done = winding(tmp_path, "verify", "elastic_capstan", "--external", tmp_path, code=2)
     sentence = "holds no elastic_capstan.csv, a table with the columns friction, wrap_angle_rad"
     assert sentence in " ".join(done.output.split())

@@ -3,8 +3,6 @@
 import json
 import os
 import resource
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -23,39 +21,18 @@ MODULES = (
     "mcap", "uvicorn", "torch", "sklearn",
 )  # fmt: skip
 CHECKS = [
-    "python",
-    *(f"wheel {name}" for name in MODULES),
-    "RMW_IMPLEMENTATION",
-    "ROS_AUTOMATIC_DISCOVERY_RANGE",
-    "ROS_LOCALHOST_ONLY",
-    "ROS_STATIC_PEERS",
-    "ROS_DISCOVERY_SERVER",
-    "FASTRTPS_DEFAULT_PROFILES_FILE",
-    "domain",
-    "participant ports",
-    "graphs in the domain",
-    "datagrams on the loopback",
-    "multicast on the loopback",
-    "middleware",
-    "message exchange",
-    "other nodes in the domain",
-    "clock resolution",
-    "time of day",
-    "clock jumps",
-    "time server",
-    "disk space",
-    "disk speed",
-    "processors",
-    "memory",
-    "open files",
-    "net.core.rmem_max",
-    "addresses of the project",
-]
+    "python", *(f"wheel {name}" for name in MODULES), "RMW_IMPLEMENTATION",
+    "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS",
+    "ROS_DISCOVERY_SERVER", "FASTRTPS_DEFAULT_PROFILES_FILE", "domain", "participant ports",
+    "graphs in the domain", "datagrams on the loopback", "multicast on the loopback", "middleware",
+    "message exchange", "other nodes in the domain", "clock resolution", "time of day",
+    "clock jumps", "time server", "disk space", "disk speed", "processors", "memory", "open files",
+    "net.core.rmem_max", "addresses of the project",
+]  # fmt: skip
 
 
 def test_machine_that_runs_the_tests_passes_every_check(command: Any, tmp_path: Path) -> None:
-    done = command("doctor", "--json", tmp_path / "doctor.json", cwd=tmp_path)
-    assert done.returncode == 0, done.stdout
+    done = command("doctor", "--json", tmp_path / "doctor.json", cwd=tmp_path, code=0)
     record = keeps_schema("doctor", (tmp_path / "doctor.json").read_bytes())
     assert record["domain"] == int(os.environ["ROS_DOMAIN_ID"])
     assert [check["check"] for check in record["checks"]] == CHECKS
@@ -70,37 +47,21 @@ def test_machine_that_runs_the_tests_passes_every_check(command: Any, tmp_path: 
     assert f"{len(CHECKS)} checks, 0 failed" in done.stdout
 
 
-def test_everything_that_is_wrong_is_reported_in_one_go(tmp_path: Path) -> None:
+def test_everything_that_is_wrong_is_reported_in_one_go(command: Any, tmp_path: Path) -> None:
     def lower() -> None:
         _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (60, hard))
 
-    done = subprocess.run(
-        [sys.executable, "-m", "winding_cli.cli", "doctor", "--json", "doctor.json"],
-        cwd=tmp_path,
-        env=os.environ
-        | {
-            "ROS_DOMAIN_ID": "seven",
-            "RMW_IMPLEMENTATION": "rmw_nowhere",
-            "ROS_LOCALHOST_ONLY": "1",
-        },
-        preexec_fn=lower,
-        capture_output=True,
-        text=True,
-        timeout=240.0,
-        check=False,
+    wrong = {"ROS_DOMAIN_ID": "seven", "RMW_IMPLEMENTATION": "rmw_nowhere"}
+    own = os.environ | wrong | {"ROS_LOCALHOST_ONLY": "1"}
+    done = command(
+        "doctor", "--json", "doctor.json", cwd=tmp_path, env=own, preexec_fn=lower, code=1
     )
-    assert done.returncode == 1, done.stderr
     checks = json.loads((tmp_path / "doctor.json").read_text())["checks"]
     assert [check["check"] for check in checks] == CHECKS
     failed = {check["check"]: check for check in checks if check["level"] == "FAIL"}
-    assert set(failed) == {
-        "RMW_IMPLEMENTATION",
-        "domain",
-        "middleware",
-        "message exchange",
-        "open files",
-    }
+    expected = {"RMW_IMPLEMENTATION", "domain", "middleware", "message exchange", "open files"}
+    assert set(failed) == expected
     assert "seven" in failed["domain"]["found"]
     assert "60 for each process" in failed["open files"]["found"]
     # Advice names an extra in brackets, which a terminal must show too.
@@ -117,6 +78,4 @@ def test_doctor_itself_needs_no_ros() -> None:
 
 
 def test_domain_that_is_none_is_refused_when_it_is_asked_for(command: Any, tmp_path: Path) -> None:
-    done = command("doctor", "--domain", 300, cwd=tmp_path)
-    assert done.returncode == 2
-    assert "0 to 232, got 300" in done.stderr
+    assert "0 to 232, got 300" in command("doctor", "--domain", 300, cwd=tmp_path, code=2).stderr
