@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from rods import CASE, DRIVE, follow, tracked
 
 from cable_fem_node.identification import IdentificationError
@@ -37,9 +38,7 @@ def crept(t: Any) -> Any:
 
 
 def standing(angle: float = 0.0, guide: float = 0.0) -> AxisReading:
-    return AxisReading(
-        cylinder_angle=angle, angular_speed=0.0, carriage_position=guide, feed_speed=0.0
-    )
+    return axis_reading(angle, guide)
 
 
 def wound(until: float, prony: str = SOLID, **more: Any) -> RodWinding:

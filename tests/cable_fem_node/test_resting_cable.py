@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from rods import CASE, CONFIG, DRIVE, follow
 
 from cable_fem_node.dynamics.state import empty_points
@@ -51,11 +52,8 @@ class Machine:
 
     def _reading(self) -> AxisReading:
         advance = DRIVE.advance_per_radian
-        return AxisReading(
-            cylinder_angle=self._angle,
-            angular_speed=self._speed,
-            carriage_position=advance * self._angle,
-            feed_speed=advance * self._speed,
+        return axis_reading(
+            self._angle, advance * self._angle, speed=self._speed, feed=advance * self._speed
         )
 
     def agree(self) -> None:
