@@ -22,7 +22,6 @@ DRIVE = DriveProfile()
 
 
 def case_of(number: int, **fields: Any) -> WindingConfig:
-    """Return the model of a published case with changed fields."""
     return WindingConfig(case=paper_case(number), **fields)
 
 

@@ -103,7 +103,6 @@ def test_guide_that_goes_round_the_cylinder_winds_as_the_cylinder_that_turns_bac
     def relative(t: float) -> AxisReading:
         reading = DRIVE.reading_at(t)
         place, own = placed(turned=turned)(t), GuidePlace.beside(RADIUS, FREE)
-        assert place is not None
         angle = math.atan2(place.y, place.x) - math.atan2(own.y, own.x)
         return replace(reading, cylinder_angle=reading.cylinder_angle - angle)
 

@@ -31,13 +31,9 @@ from winding_core.markers import MarkerFlag, Markers, wound_markers
 SIGMA_THETA, SIGMA_Z = 3.0e-3, 0.12e-3
 SIGMAS = {"sigma_theta": SIGMA_THETA, "sigma_z": SIGMA_Z}
 STEADY = {
-    "young": 2.2e6,
-    "free_length": 0.205,
-    "load_share": 0.62,
-    "guide_drag": 0.2,
-    "start_share": 1.0,
+    "young": 2.2e6, "free_length": 0.205, "load_share": 0.62, "guide_drag": 0.2, "start_share": 1.0,
     "build_up_length": 0.2,
-}
+}  # fmt: skip
 BUILDING = STEADY | {"start_share": 0.4}
 WHOLE = {"load_share": 1.0, "guide_drag": 0.0}  # The stated tension reaches the cylinder whole
 
@@ -199,8 +195,7 @@ def test_markers_of_no_rig_are_refused() -> None:
 
 def test_stated_fixing_is_no_misfit() -> None:
     # P0 was fixed 1.7 mm along the cable from where it should be: all angles are off by as much.
-    off = shifted(run_of(4, 3, STEADY), 0.1)
-    posterior = identify_rig([off], RigPrior(fixing=2.0e-3))
+    posterior = identify_rig([shifted(run_of(4, 3, STEADY), 0.1)], RigPrior(fixing=2.0e-3))
     assert not posterior.misfit
     expected = lengths(4, STEADY)[-1] + 0.1 * CASE.centreline_radius
     assert posterior.ahead[0][0].low < expected < posterior.ahead[0][0].high
@@ -303,7 +298,6 @@ def test_reading_is_the_mean_with_the_deviation_of_one_frame() -> None:
     rng = np.random.default_rng(0)
     draws = 6.5 + 2e-3 * rng.standard_normal(400)
     readings = seen(*[frame(float(theta)) for theta in draws]).readings()
-    assert readings is not None
     assert readings.theta[0] == pytest.approx(draws.mean(), abs=1e-12)
     # The frames' 2 mrad and the camera's 1 mrad, which no number of frames averages away.
     assert readings.sigma_theta[0] == pytest.approx(np.hypot(2e-3, 1e-3))

@@ -102,8 +102,7 @@ def test_every_piece_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_task_yields_every_piece_in_order(whole: Markers) -> None:
-    run = ahead(2.0)
-    task = PredictionTask(run, 1.5)
+    task = PredictionTask(ahead(2.0), 1.5)
     news: list[Markers] = []
     # The run is done before its last piece is found.
     while not task.failure and (not news or is_wound(news[-1]).sum() < is_wound(whole).sum()):

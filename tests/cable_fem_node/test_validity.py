@@ -197,8 +197,7 @@ def test_stiffness_is_held_against_the_lowest_tension(start_share: float) -> Non
     case = case_of(4).case
     law = RigTension(offset=1.0 - case.weight, start_share=start_share, build_up_length=0.03)
     lowest = min(1.0, start_share)
-    resolved = case_of(4, tension_law=law).resolved
-    assert resolved.lowest_tension == pytest.approx(lowest)
+    assert case_of(4, tension_law=law).resolved.lowest_tension == pytest.approx(lowest)
     with pytest.raises(ValueError, match=r"lowest tension 0\.0[24]* N"):
         case_of(4, tension_law=dataclasses.replace(law, offset=0.02 / lowest - case.weight))
 

@@ -80,24 +80,18 @@ DRUM = cw.DrumPlanParameters(drum_width=0.06, flange=0.02)
 @pytest.mark.parametrize(
     ("ask", "sentence"),
     [
-        (
-            lambda: cw.predict(cw.Condition(case=0, cylinder_diameter=40e-3)),
-            "missing cable_diameter, weight or nominal_stress",
-        ),
+        (lambda: cw.predict(cw.Condition(case=0, cylinder_diameter=40e-3)),
+         "missing cable_diameter, weight or nominal_stress"),
         (lambda: cw.identify([SHORT], ["one", "two"]), "2 runs need as many conditions, got 1"),
         (lambda: cw.plan(CASE_4, "lay.yaml", turns=3), "leave them out with a program"),
         (lambda: cw.plan(CASE_4, pitch=0.018, turns=4, drum=DRUM), r"drum after 3\.111 turns"),
-        (
-            lambda: cw.plan(CASE_4, turns=4, drum=dataclasses.replace(DRUM, layers=2)),
-            "a drum has a program of its own",
-        ),
-        (
-            lambda: cw.Correction().predict(cw.load_lengths()[0]),
-            "not fitted: call fit or load first",
-        ),
+        (lambda: cw.plan(CASE_4, turns=4, drum=dataclasses.replace(DRUM, layers=2)),
+         "a drum has a program of its own"),
+        (lambda: cw.Correction().predict(cw.load_lengths()[0]),
+         "not fitted: call fit or load first"),
         (lambda: cw.track(Path(__file__).parent, CASE_4), "brings no camera: give camera="),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_is_refused_in_a_sentence(ask: Callable[[], Any], sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         ask()

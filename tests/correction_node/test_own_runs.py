@@ -158,7 +158,6 @@ def test_places_of_runs_left_out_are_learned_with_their_lengths(tmp_path: Path) 
     assert 1.0e-3 * found["z_mm"] <= 1.6 * SIGMA_Z
     assert found["theta_rad"] <= 0.02
     place = kept(tmp_path, factor).place
-    assert place is not None
     again = place.place(conditions, lengths(conditions)[1])[1]
     assert np.abs(again - z).mean() <= 1.6 * SIGMA_Z
 

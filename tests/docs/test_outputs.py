@@ -35,7 +35,6 @@ def table(page: str, after: str) -> dict[str, list[str]]:
     """Return the cells of the first table behind a text, by the first cell of each row."""
     text = (DOCS / page).read_text(encoding="utf-8").split(after, 1)[1]
     rows = re.search(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
-    assert rows is not None
     cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[0].splitlines()]
     return {first: rest for first, *rest in cells[2:]}
 

@@ -107,7 +107,6 @@ texts = st.one_of(
 
 
 def refusal_of(action: Callable[[], Any], *errors: type[Exception]) -> str:
-    """Return why something was refused, or nothing."""
     try:
         action()
         return ""

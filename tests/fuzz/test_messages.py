@@ -129,8 +129,7 @@ def test_joint_states_come_back(t: float, reading: AxisReading) -> None:
 def test_tension(t: float, force: float) -> None:
     data = encode_tension(t, force)
     for message in (data, wired(data, WrenchStamped)):
-        read = taken(decode_tension, message)
-        assert read == ((t, force) if math.isfinite(force) else None)
+        assert taken(decode_tension, message) == ((t, force) if math.isfinite(force) else None)
 
 
 @fuzzed
@@ -355,8 +354,7 @@ def test_camera_info_comes_back(
 def test_previews(form: str, data: bytes, t: float) -> None:
     message = CompressedImage(format=form)
     message.data = array("B", data)
-    read = taken(decode_preview, message)
-    assert read == ((0.0, data) if "jpeg" in form else None)
+    assert taken(decode_preview, message) == ((0.0, data) if "jpeg" in form else None)
     assert decode_preview(encode_preview(t, data)) == (t, data)
 
 

@@ -128,16 +128,9 @@ def spoiled(frame: np.ndarray, how: str, seed: int, amount: float) -> np.ndarray
 
 
 KINDS = [
-    "whole",
-    "whole",
-    "noise",
-    "constant",
-    "speckled",
-    "markers everywhere",
-    "shifted",
-    "flipped",
+    "whole", "whole", "noise", "constant", "speckled", "markers everywhere", "shifted", "flipped",
     "dark",
-]
+]  # fmt: skip
 steps = st.lists(
     st.tuples(
         st.sampled_from(KINDS),

@@ -190,7 +190,6 @@ def resolved(case: int) -> ResolvedCondition:
 def within_reach(control: ControlParameters, what: ResolvedCondition) -> dict[int, float]:
     """Return where markers land [rad] under 0.9 of the weight, the tension as in the prior."""
     controller = control.controller(what, HELIX, markers={1: 1.0}, mode=ControlMode.WATCH)
-    assert controller.landing is not None
     theta = np.arange(0.01, 60.0, 0.01)
     tension = controller.stretch.estimate.tension(
         0.9 * what.case.weight, what.case.centreline_radius * theta

@@ -163,7 +163,6 @@ def test_the_lay_is_published_when_it_is_asked_for(bench: Bench) -> None:
 
 
 def calibration() -> CameraInfo:
-    """Return the calibration of FRAME."""
     info = CameraInfo(height=48, width=64, distortion_model="plumb_bob", d=[0.0] * 5)
     info.k = [900.0, 0.0, 32.0, 0.0, 900.0, 24.0, 0.0, 0.0, 1.0]
     info.roi = RegionOfInterest(width=64, height=48)

@@ -30,7 +30,6 @@ def test_an_own_arm_is_followed_and_led(ros: Any, tmp_path: Path, source: str, k
     first = readings[-1]
     steps = math.degrees(first.cylinder_angle) - TURN
     assert steps == pytest.approx(0.5 * round(2.0 * steps), abs=1.0e-9)
-    assert first.guide is not None
     # Of the decimals in mapping and description [m].
     assert (first.guide.x, first.guide.y) == pytest.approx((0.02, -0.2), abs=1.0e-8)
     assert first.carriage_position == pytest.approx(0.0, abs=1.0e-8)

@@ -30,8 +30,7 @@ def test_tip_stands_where_the_links_put_it(arm: Arm) -> None:
 def test_joints_are_found_for_a_pose_near_by(arm: Arm) -> None:
     rng = np.random.default_rng(2)
     for step in rng.uniform(-0.05, 0.05, (20, 6)):
-        found = arm.solved(arm.tip(HOME + step), HOME)
-        assert found == pytest.approx(HOME + step, abs=1.0e-4)
+        assert arm.solved(arm.tip(HOME + step), HOME) == pytest.approx(HOME + step, abs=1.0e-4)
 
 
 def test_jacobian_is_the_change_of_the_tip(arm: Arm) -> None:

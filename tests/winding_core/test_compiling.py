@@ -69,7 +69,6 @@ class Checkout:
         self.write()
 
     def write(self, factor: int = 2, default: int = 1, docstring: str = "Text") -> None:
-        """Write the inner kernel."""
         content = INNER.format(factor=factor, default=default, docstring=docstring)
         self.inner.write_text(content, encoding="utf-8")
 

@@ -76,8 +76,7 @@ def test_more_bits_than_configured_are_refused() -> None:
 
 def test_a_label_can_be_overruled() -> None:
     mislabelled = raw("bgr8")._replace(encoding="rgb8")
-    frame = PixelReader(encoding="bgr8").frame(mislabelled)
-    np.testing.assert_array_equal(frame, colours())
+    np.testing.assert_array_equal(PixelReader(encoding="bgr8").frame(mislabelled), colours())
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,7 @@ from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.bags.reading import read_notes
 from winding_supervisor.watch.event_log import read_events
 
-pytestmark = [
-    pytest.mark.campaign,
-    pytest.mark.processes,
-    pytest.mark.slow,
-    pytest.mark.timeout(900),
-]
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
 
 # The run lasts 13 minutes unless it is ended: the operator's steps take two on a quick computer.
 SPEED = 0.125

@@ -51,8 +51,7 @@ def desk(tmp_path: Path) -> Desk:
     report = tmp_path / "one" / "report"
     report.mkdir(parents=True)
     (report / "index.html").write_text("<p>wound</p>")
-    state = fresh_state("idle")
-    return Desk(state, runs=tmp_path)
+    return Desk(fresh_state("idle"), runs=tmp_path)
 
 
 def answered(desk: Desk, method: str, path: str, **more: Any) -> int:

@@ -85,8 +85,7 @@ def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -
     # State is the PLC's alone.
     assert answer.startswith("quick_stop was refused: ")
     assert listener.call("start") == (True, "start: 77 is written")
-    status = listener.wait_for(Level.OK, "the link is up")
-    assert status.values["heartbeat of the PLC"] == "77"
+    assert listener.wait_for(Level.OK, "the link is up").values["heartbeat of the PLC"] == "77"
 
 
 def test_losses_and_marked_bad_values_are_counted(machine: Any, driver: Any, listener: Any) -> None:
@@ -163,8 +162,7 @@ def test_a_server_that_forgot_gets_a_new_session(machine: Any, linked: Any, list
     listener.wait_for(Level.ERROR, "has been lost for")
     path.target = machine().port
     path.restore()
-    status = listener.wait_for(Level.OK, "the link is up")
-    assert status.values["sessions resumed"] == "0"
+    assert listener.wait_for(Level.OK, "the link is up").values["sessions resumed"] == "0"
     listener.more(100)
     stamps = [stamp_ns(message) for message in listener.joints]
     assert stamps == sorted(set(stamps))

@@ -116,8 +116,7 @@ def test_lost_messages_are_findings(bags: Any, tmp_path: Path) -> None:
 
 
 def test_a_cut_file_gives_back_every_whole_chunk(bags: Any, tmp_path: Path) -> None:
-    made = bags.whole(tmp_path / "made", 150, chunk_bytes=40_000)
-    file = storage_file(made)
+    file = storage_file(bags.whole(tmp_path / "made", 150, chunk_bytes=40_000))
     whole, chunks = file.read_bytes(), bags.chunks(file)
     rng = random.Random(3)
     cut, out = tmp_path / "cut", tmp_path / "out"

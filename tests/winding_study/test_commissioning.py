@@ -232,7 +232,6 @@ def test_no_motion_leaves_the_limits() -> None:
 def test_a_thick_cable_is_not_pulled_so_little_that_bending_takes_the_tension() -> None:
     case = paper_case(5)
     found = safe_pulls(case, CELL, (0.1 * case.weight, 2.0 * case.weight))
-    assert found is not None
     tension = 0.7 * found[0] + 0.15  # the middle of the prior
     bent = case.bending_stiffness / (2.0 * tension * case.centreline_radius**2)
     assert bent == pytest.approx(MOST_BENT, rel=1.0e-12)
@@ -242,7 +241,6 @@ def test_a_thick_cable_is_not_pulled_so_little_that_bending_takes_the_tension() 
 def test_a_thin_cable_is_not_pulled_to_where_its_law_ends() -> None:
     case = paper_case(8)
     found = safe_pulls(case, CELL, (0.3 * case.weight, 1.5 * case.weight))
-    assert found is not None
     stress = (0.7 * found[1] + 0.15) / (case.material.young * case.axial_area)
     assert stress == pytest.approx(MOST_STRESSED, rel=1.0e-12)
     assert safe_pulls(case, CELL, (2.0 * case.weight, 3.0 * case.weight)) is None
