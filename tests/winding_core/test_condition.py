@@ -20,7 +20,7 @@ from winding_core.cable.condition import Condition
 from winding_core.cable.prony import PronySeries
 from winding_core.helix import PAPER_FREE_LENGTH, curve_length, guide_distance_of
 from winding_core.machine.tension import DeadWeight, RigTension
-from winding_core.parameters import ParameterError, declarations, options, shown_values
+from winding_core.parameters import ParameterError, options, shown_values
 
 MEASURED = [(row, row.experiment) for row in published_markers() if row.experiment is not None]
 # What a table computed from lengths printed to 0.01 mm, and itself printed to 0.01 %, may miss.
@@ -90,12 +90,6 @@ def test_what_is_shown_can_be_typed_again() -> None:
     shown = shown_values(Condition, values)
     again = Condition.from_typed({key: value for key, value in shown.items() if value != 0.0})
     assert again == condition
-
-
-def test_every_parameter_is_described() -> None:
-    assert declarations(Condition)
-    for item in declarations(Condition):
-        assert item.description
 
 
 def test_terms_are_read_in_order() -> None:
