@@ -16,9 +16,12 @@ SOURCE = ROOT / "ros2_ws" / "src"
 PACKAGES = sorted(path.parent.name for path in SOURCE.glob("*/package.xml"))
 # Import name -> name on PyPI, where they differ.
 PYPI_NAMES = {
-    "cv2": "opencv-python-headless", "pinocchio": "pin", "jinja2": "Jinja2",
-    "sklearn": "scikit-learn", "yaml": "PyYAML",
-}  # fmt: skip
+    "cv2": "opencv-python-headless",
+    "pinocchio": "pin",
+    "jinja2": "Jinja2",
+    "sklearn": "scikit-learn",
+    "yaml": "PyYAML",
+}
 ROS_PACKAGE = re.compile(
     r"rclpy|\w+_msgs|std_srvs|rcl_interfaces|builtin_interfaces|ament_index_python"
     r"|domain_coordinator|launch(_ros)?"

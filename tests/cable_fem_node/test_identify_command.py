@@ -193,5 +193,7 @@ def test_the_prior_of_the_rig_is_what_is_typed(markers: Path, tmp_path: Path) ->
         (("--rig", "--scatter-mm", "nan"), "scatter must be finite"),
     ],
 )
-def test_bad_rig_is_refused(markers: Path, arguments: tuple[object, ...], sentence: str) -> None:
+def test_bad_rig_options_are_refused(
+    markers: Path, arguments: tuple[object, ...], sentence: str
+) -> None:
     assert_refused(identify(markers, "--case", 4, *arguments), sentence)

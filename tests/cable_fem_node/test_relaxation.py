@@ -181,10 +181,12 @@ HEAVY = replace(CASE, weight=8.0, material=Material(prony=PronySeries.parse("0.5
 @pytest.mark.parametrize(
     ("ask", "sentence"),
     [
-        (lambda: WindingConfig(case=HEAVY, law="hencky"), "8 N end as 16 N would at once: law hen"),
-        (lambda: predict(config(), duration=0.1, element="solid"), "solid element knows elastic"),
+        (lambda: WindingConfig(case=HEAVY, law="hencky"),
+         "8 N end as 16 N would at once: law hencky carries"),
+        (lambda: predict(config(), duration=0.1, element="solid"),
+         "the solid element knows elastic cables alone"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_creep_is_refused(ask: Callable[[], Any], sentence: str) -> None:
     with pytest.raises(ValueError, match=sentence):
         ask()

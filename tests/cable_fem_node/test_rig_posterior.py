@@ -31,9 +31,13 @@ from winding_core.markers import MarkerFlag, Markers, wound_markers
 SIGMA_THETA, SIGMA_Z = 3.0e-3, 0.12e-3
 SIGMAS = {"sigma_theta": SIGMA_THETA, "sigma_z": SIGMA_Z}
 STEADY = {
-    "young": 2.2e6, "free_length": 0.205, "load_share": 0.62, "guide_drag": 0.2, "start_share": 1.0,
+    "young": 2.2e6,
+    "free_length": 0.205,
+    "load_share": 0.62,
+    "guide_drag": 0.2,
+    "start_share": 1.0,
     "build_up_length": 0.2,
-}  # fmt: skip
+}
 BUILDING = STEADY | {"start_share": 0.4}
 WHOLE = {"load_share": 1.0, "guide_drag": 0.0}  # The stated tension reaches the cylinder whole
 

@@ -104,7 +104,7 @@ def test_the_limit_is_where_bending_takes_the_whole_tension(cylinder: float) -> 
 
 
 @pytest.mark.parametrize(("segment", "number"), [(10.0e-3, 4), (15.0e-3, 4), (8.0e-3, 2)])
-def test_elements_too_long_for_the_cylinder_are_refused(segment: float, number: int) -> None:
+def test_too_long_elements_are_refused_with_the_way_out(segment: float, number: int) -> None:
     what = case_of(number, segment_length=segment)
     with pytest.raises(ValueError, match=r"over the wound radius .* more than 0\.6.*segment_len"):
         RodWinding(what)
@@ -232,7 +232,7 @@ def test_expected_steps_and_elements_are_those_of_the_run(number: int) -> None:
     # 0.02 mm, a tenth of what a fine camera tells; of a hose 1 % of its diameter.
     [(config(0.06, 0.001, 30.0, 5.0e9), 2.0e-5), (config(0.16, 0.008, 16.0, 30.0e6), 8.0e-5)],
 )
-def test_the_proposed_mass_scaling_leaves_the_cable_there(what: WindingConfig, lay: float) -> None:
+def test_the_proposed_mass_scaling_does_not_move_the_lay(what: WindingConfig, lay: float) -> None:
     run = PlannedRun(config=what, duration=6.0)
     cost = expected_cost(run, iter(np.arange(0.0, 100.0, 0.02)).__next__)
     assert cost.mass_scaling > 10.0

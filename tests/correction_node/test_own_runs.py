@@ -266,10 +266,14 @@ def test_unfit_runs_are_refused(
     rows = [{"id": 1, "s_fem_m": 0.11, "s_tracked_m": 0.107 if markers else None}]
     record = {
         "identity": {"condition": {name: {"value": v} for name, v in condition.items()}},
-        "outcome": {"verdict": verdict, "complete": complete, "sentences": ["why"]},
+        "outcome": {
+            "verdict": verdict,
+            "complete": complete,
+            "sentences": ["why"],
+            "losses": losses,
+        },
         "markers": rows,
     }
-    record["outcome"]["losses"] = losses
     (tmp_path / "a").mkdir()
     (tmp_path / "a" / "run.json").write_text(json.dumps(record))
     with pytest.raises(ValueError, match=sentence):

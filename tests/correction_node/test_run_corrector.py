@@ -202,7 +202,9 @@ def test_what_no_cable_can_be_is_counted_and_not_used(
 
 
 @pytest.mark.parametrize("flag", MarkerFlag)
-def test_flags_are_no_measurements(run: RunCorrector, untouched: Markers, flag: MarkerFlag) -> None:
+def test_a_flagged_marker_is_no_measurement_and_no_fault(
+    run: RunCorrector, untouched: Markers, flag: MarkerFlag
+) -> None:
     for _ in range(2 * SETTLED_FRAMES):
         run.measured.take(LATE, records(S_EXP[:2], flags=int(flag)))
     np.testing.assert_array_equal(run.correct(LATER, records(S_FEM)), untouched)

@@ -263,7 +263,9 @@ def by_noise() -> dict[tuple[Noise, float], NoiseAccuracy]:
     }
 
 
-def test_noisy_runs_are_named_seldom(by_noise: dict[tuple[Noise, float], NoiseAccuracy]) -> None:
+def test_less_repeatable_runs_are_named_less_often(
+    by_noise: dict[tuple[Noise, float], NoiseAccuracy],
+) -> None:
     assert len(Noise) > 0
     for kind in Noise:
         accuracies = [by_noise[kind, noise].accuracy for noise in (0.0, 0.01, 0.02, 0.04)]

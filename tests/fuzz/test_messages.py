@@ -248,7 +248,7 @@ def test_clouds_that_lie_about_their_shape(
 @pytest.mark.parametrize("dtype", [MARKER_DTYPE, CORRECTED_DTYPE, CABLE_DTYPE])
 @fuzzed
 @given(t=stamps, count=small, seed=small)
-def test_clouds_come_back_exactly(
+def test_clouds_come_back_bit_by_bit(
     dtype: np.dtype[np.void], t: float, count: int, seed: int
 ) -> None:
     raw = np.random.default_rng(seed).integers(0, 256, count * dtype.itemsize, dtype=np.uint8)

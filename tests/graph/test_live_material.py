@@ -22,9 +22,15 @@ pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
 # Quicker than the paper's runs, so that four markers land in seven seconds of winding.
 CONDITION: dict[str, Any] = {
-    "case": 0, "cylinder_diameter": 0.03, "cable_diameter": 0.002, "weight": 1.962,
-    "marker_spacing": 0.06, "angular_speed": 3.0, "feed_speed": 0.0086, "duration": 12.0,
-}  # fmt: skip
+    "case": 0,
+    "cylinder_diameter": 0.03,
+    "cable_diameter": 0.002,
+    "weight": 1.962,
+    "marker_spacing": 0.06,
+    "angular_speed": 3.0,
+    "feed_speed": 0.0086,
+    "duration": 12.0,
+}
 
 
 @pytest.fixture(scope="module")

@@ -33,9 +33,14 @@ from winding_ros.topic import Topic
 pytestmark = pytest.mark.processes
 # Six markers within the 60 mm that three seconds lay.
 TYPED = {
-    "case": 4, "marker_spacing_mm": 10, "markers": 6, "young_mpa": 4, "law": "neo_hookean",
-    "friction": 0.2, "duration_s": 3,
-}  # fmt: skip
+    "case": 4,
+    "marker_spacing_mm": 10,
+    "markers": 6,
+    "young_mpa": 4,
+    "law": "neo_hookean",
+    "friction": 0.2,
+    "duration_s": 3,
+}
 NAMESPACE = "slowed"
 # Seconds that a message of a topic takes longer; frames come every 50 ms at a tenth of real time.
 SLOW = {TRACKER.name: ("camera/image_raw", 0.025), CORRECTION.name: ("fem/markers", 0.04)}
@@ -79,7 +84,9 @@ def clouds(recorded_run: Any, topic: Topic, dtype: np.dtype) -> list[tuple[float
     return [decode_cloud(data, dtype) for data in recorded(recorded_run.bag, f"/{topic.name}")]
 
 
-def test_only_the_wound_marker_is_tracked(recorded_run: Any, numbers: dict[str, Any]) -> None:
+def test_wound_marker_is_tracked_to_one_percent_and_no_other_is_invented(
+    recorded_run: Any, numbers: dict[str, Any]
+) -> None:
     first, *later = numbers["markers"]
     assert first["s_tracked_m"] == pytest.approx(first["s_published_m"], rel=0.01)
     place = (first["theta_tracked_rad"], first["z_tracked_m"])
@@ -178,7 +185,7 @@ def test_solid_winds_in_the_graph_as_offline_beside_the_rod(command: Any, tmp_pa
     assert min(row["s_fem_m"] / row["s_rod_m"] for row in rows) > 1.01
 
 
-def test_run_of_another_material_corrects_every_marker(command: Any, tmp_path: Path) -> None:
+def test_another_material_is_tracked_and_corrected(command: Any, tmp_path: Path) -> None:
     command(
         "run", *typed(TYPED), "--speed", 0, "--bag", "bag", "--output", "run", cwd=tmp_path, code=0
     )

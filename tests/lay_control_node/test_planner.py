@@ -68,7 +68,7 @@ KINDS = {
 
 @pytest.mark.parametrize("together", [False, True], ids=["guide first", "together"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_of_program_is_laid_to_a_twentieth_of_its_miss(
+def test_every_kind_of_program_is_laid_to_a_twentieth_of_what_it_would_miss_by(
     kind: str, together: bool
 ) -> None:
     planned, uncompensated = plan_lay(KINDS[kind], WHAT, LIMITS, together=together).rms()

@@ -251,7 +251,7 @@ def test_what_is_reported_healthy_is_not_far_off(seed: int, number: str, size: f
     ("seed", "number", "size"),
     [(1105, "guide_offset", 0.009), (1106, "guide_scale", -0.15), (1106, "marker_spacing", -0.3)],
 )
-def test_what_no_marker_rests_on_is_named_and_healthy(seed: int, number: str, size: float) -> None:
+def test_what_no_marker_rests_on_is_named_harmless(seed: int, number: str, size: float) -> None:
     _, found = run(seed, number, size)
     assert number in found.named
     assert found.healthy

@@ -58,10 +58,13 @@ LED_CELL = CELL | {
 MAPPING = {
     "cylinder": {"topic": "cell/states", "joint": "table"},
     "guide": {
-        "source": "joints", "topic": "cell/states", "urdf": "gantry.urdf", "base": "floor",
+        "source": "joints",
+        "topic": "cell/states",
+        "urdf": "gantry.urdf",
+        "base": "floor",
         "tip": "eye",
     },
-}  # fmt: skip
+}
 
 
 def arm_driver(folder: Path, namespace: str, **sections: object) -> Any:

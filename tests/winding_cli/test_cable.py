@@ -46,19 +46,8 @@ def test_an_identified_cable_is_added_shown_and_wound(home: Path) -> None:
 
 def markers_wound_with(home: Path, young_mpa: float) -> Path:
     """Return a table of the markers of case 4 with another modulus."""
-    done = winding(
-        home,
-        "predict",
-        "--case",
-        4,
-        "--young-mpa",
-        young_mpa,
-        "--duration-s",
-        14,
-        "--json",
-        "-",
-        code=0,
-    )
+    words = ("--case", 4, "--young-mpa", young_mpa, "--duration-s", 14)
+    done = winding(home, "predict", *words, "--json", "-", code=0)
     table = home / f"markers_{young_mpa}.csv"
     rows = [
         f"{row['id']},{row['theta_rad']},{row['z_m']}"

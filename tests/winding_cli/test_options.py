@@ -39,10 +39,14 @@ TAKEN = {
 }
 # What a command needs beside the option under test, so that nothing else is wrong with it.
 BESIDE = {
-    "run": ["--case", "4"], "predict": ["--case", "4"], "plan": ["--case", "4", "--even"],
-    "commission": ["--case", "4"], "render": ["pictures"], "board": ["board.png"],
+    "run": ["--case", "4"],
+    "predict": ["--case", "4"],
+    "plan": ["--case", "4", "--even"],
+    "commission": ["--case", "4"],
+    "render": ["pictures"],
+    "board": ["board.png"],
     "sweep": ["spec.yaml"],
-}  # fmt: skip
+}
 # They need recordings or a running graph before any option is looked at, or take any text for one.
 LEFT_OUT = {
     *("track", "identify", "calibrate", "bag", "conform", "health", "play-film", "check-film")
@@ -174,7 +178,7 @@ def words_of(folder: Path, name: str, option: str, value: str) -> list[str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "option", "value"), chosen(20, 1))
-def test_wrong_value_names_its_option(tmp_path: Path, name: str, option: str, value: str) -> None:
+def test_wrong_value_is_refused_by_name(tmp_path: Path, name: str, option: str, value: str) -> None:
     done = winding(tmp_path, *words_of(tmp_path, name, option, value), code=2)
     assert "Traceback" not in done.output
     assert option in done.output
@@ -182,7 +186,7 @@ def test_wrong_value_names_its_option(tmp_path: Path, name: str, option: str, va
 
 @pytest.mark.campaign
 @pytest.mark.timeout(3000)
-def test_a_hundred_wrong_values_name_their_options(tmp_path: Path, command: Any) -> None:
+def test_a_hundred_wrong_values_are_refused_by_name(tmp_path: Path, command: Any) -> None:
     for n, (name, option, value) in enumerate(chosen(100, 2)):
         words = words_of(tmp_path, name, option, value)
         if n < 10:

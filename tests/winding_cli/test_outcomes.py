@@ -77,7 +77,7 @@ def test_every_command_is_tried() -> None:
         *((words, 1, sentence) for words, sentence in NOT_GOOD.items()),
     ],
 )
-def test_exit_code_of_refused_and_bad(folder: Path, words: str, code: int, sentence: str) -> None:
+def test_code_tells_refused_from_bad(folder: Path, words: str, code: int, sentence: str) -> None:
     before = sorted(folder.rglob("*"))
     done = winding(folder, *words.split(), code=code)
     assert sentence in done.stderr

@@ -40,7 +40,7 @@ def wound(stamps: Callable[[Stamps], Stamps] = lambda t: t, kept: slice | None =
     stamped = stamps(arrived.copy())
     gone = set() if kept is None else set(range(301)[kept])
     for k, (t, at) in enumerate(zip(stamped, arrived, strict=True)):
-        reading = axis_reading(SPEED * (at - 20.0), speed=SPEED)  # fmt: skip
+        reading = axis_reading(SPEED * (at - 20.0), speed=SPEED)
         if k not in gone:
             data = encode_joint_state(float(t), reading)
             message(buffer, topics.JOINT_STATES, float(t), 1000.0 + at, data)
@@ -120,7 +120,7 @@ def row(number: int, corrected: float, tracked: float | None, published: float) 
 @pytest.mark.parametrize(
     ("published", "against", "verdict"), [(False, CAMERA, "not good"), (True, EXPERIMENT, "good")]
 )
-def test_lengths_are_judged_by_who_measured_it(published: bool, against: str, verdict: str) -> None:
+def test_who_measured_this_cable_judges_it(published: bool, against: str, verdict: str) -> None:
     # Beside the published length by 1 %, beside the measured one by 4 %.
     found = outcome(wound(), rows=(row(1, 0.104, 0.1, 0.103),), published=published)
     assert (found.lengths.against, found.verdict.value) == (against, verdict)

@@ -60,7 +60,8 @@ def test_way_of_the_example_is_allowed(tmp_path: Path) -> None:
         ({"commands": {"speed_m_s": 5.0}}, 0.1, 4.0,
          r"at 0 m the guide would go at 4 m/s, \w+_joint allows [\d.]+ m/s there"),
         ({"path": {"clearance_m": 0.2}}, 0.1, 0.01,
-         r"at 0 m the arm comes as near as 1\d\d mm to the cylinder, its clearance is 200 mm"),
+         r"with the guide at 0 m the arm comes as near as 1\d\d mm to the cylinder, its "
+         r"clearance is 200 mm"),
         ({"path": {"home_rad": [0.0, 1.0]}}, 0.1, 0.01,
          r"home_rad of path needs a position for each of shoulder_pan_joint, .*, got 2"),
         ({"path": {"along_m": [0.1, 0.0], "span_m": [0.2, 0.3]}}, 0.1, 0.01,

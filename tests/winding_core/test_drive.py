@@ -24,10 +24,15 @@ DRIVES = (
 @pytest.mark.parametrize(
     ("t", "angle", "carriage"),
     [
-        (-1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.5, 0.2175, 0.000625), (1.0, 0.87, 0.0025),
-        (5.0, 7.83, 0.0225), (20.0, 33.93, 0.0975), (21.0, 35.67, 0.1025),
+        (-1.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        (0.5, 0.2175, 0.000625),
+        (1.0, 0.87, 0.0025),
+        (5.0, 7.83, 0.0225),
+        (20.0, 33.93, 0.0975),
+        (21.0, 35.67, 0.1025),
     ],
-)  # fmt: skip
+)
 def test_the_papers_drive_follows_its_closed_form(t: float, angle: float, carriage: float) -> None:
     assert PAPER.positions(t) == pytest.approx((angle, carriage), rel=1e-14, abs=1e-15)
 

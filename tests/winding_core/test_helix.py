@@ -132,9 +132,12 @@ def test_guide_distance_and_free_length_undo_each_other() -> None:
 
 def _wound(cylinder_angle: float = 20.0, **changes):
     given = {
-        "ids": [0, 1, 2], "theta": [0.0, 6.28, 12.52], "z": [0.0, 0.0045, 0.01486],
-        "radius": CYLINDER_RADIUS, "cylinder_angle": cylinder_angle,
-    }  # fmt: skip
+        "ids": [0, 1, 2],
+        "theta": [0.0, 6.28, 12.52],
+        "z": [0.0, 0.0045, 0.01486],
+        "radius": CYLINDER_RADIUS,
+        "cylinder_angle": cylinder_angle,
+    }
     return wound_markers(**{**given, **changes})
 
 

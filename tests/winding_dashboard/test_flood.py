@@ -116,7 +116,9 @@ def test_a_peer_crowds_out_nobody_but_itself() -> None:
         (STOP, "POST", [False], False),
     ],
 )
-def test_a_request_must_arrive_whole(path: str, method: str, parts: list[bool], cut: bool) -> None:
+def test_a_request_has_to_arrive_whole_in_time(
+    path: str, method: str, parts: list[bool], cut: bool
+) -> None:
     async def work() -> bool:
         connections = Connections(answer, Bounds(arrival=0.0))
         wire = await Wire(connections).ask(path, method, *parts)

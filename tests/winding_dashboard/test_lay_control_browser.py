@@ -14,7 +14,9 @@ DRAWN = (
 
 
 @pytest.mark.parametrize("where", ["desk", "phone"])
-def test_panel_fits_quietly(where: str, controlled_page: Any, new_tab: Any, pictures: Path) -> None:
+def test_panel_fits_and_nobody_complains(
+    where: str, controlled_page: Any, new_tab: Any, pictures: Path
+) -> None:
     tab = new_tab(where, controlled_page.url)
     tab.wait_for(DRAWN)
     tab.shoot(pictures, f"controlled-{where}")

@@ -87,7 +87,7 @@ def test_newest_of_every_topic_is_shown(ros: Any, dashboard: DashboardNode) -> N
     assert len(state.speeds) < 20
 
 
-def test_unusable_message_is_counted_and_changes_nothing(
+def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
     ros: Any, dashboard: DashboardNode
 ) -> None:
     out = topics.TENSION.advertise(ros.plain())
@@ -111,7 +111,7 @@ def test_command_is_unavailable_until_one_serves_it(ros: Any, dashboard: Dashboa
     assert spin_beside(ros, dashboard.service_client.command("stop")) == "stopping"
 
 
-def test_a_player_is_no_machine_until_it_serves_commands(
+def test_who_plays_a_recording_is_no_machine_until_one_serves_its_commands(
     ros: Any, dashboard: DashboardNode
 ) -> None:
     """As `winding bag play` publishes it, and a driver beside it."""

@@ -20,7 +20,9 @@ def page_url() -> Iterator[str]:
         yield page.url
 
 
-def test_played_bag_is_shown(recorded_run: Any, page_url: str, new_tab: Any, pictures: Any) -> None:
+def test_a_played_bag_looks_like_playback(
+    recorded_run: Any, page_url: str, new_tab: Callable[[str, str], Any], pictures: Any
+) -> None:
     desk = new_tab("desk", page_url)
     desk.phase("no data")
     player = subprocess.Popen([*COMMAND, "bag", "play", str(recorded_run.bag)])

@@ -52,7 +52,9 @@ def test_recipe_of_a_whole_run_names_what_the_page_leaves(tmp_path: Path) -> Non
         ("load", "taken", "taken.yaml, line 3, column 13: friction must be"),
     ],
 )
-def test_bad_recipes_are_refused(tmp_path: Path, path: str, name: str, sentence: str) -> None:
+def test_recipe_that_cannot_be_is_refused_and_none_is_written_over(
+    tmp_path: Path, path: str, name: str, sentence: str
+) -> None:
     (tmp_path / "recipes").mkdir()
     file = tmp_path / "recipes" / "taken.yaml"
     file.write_text(text := "condition:\n  case: 5\n  friction: -8\n")

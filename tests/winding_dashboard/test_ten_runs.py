@@ -25,7 +25,9 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[AttendedRun]:
         yield attended
 
 
-def test_ten_runs_leave_ten_reports(session: AttendedRun, new_tab: Any, pictures: Path) -> None:
+def test_ten_runs_leave_ten_reports_a_live_page_and_flat_memory(
+    session: AttendedRun, new_tab: Any, pictures: Path
+) -> None:
     desk = new_tab("desk", session.url)
     held = []
     for run in range(1, RUNS + 1):

@@ -29,7 +29,7 @@ def check_nothing_is_lost_or_doubled(listener: Any, machine: Any) -> None:
     assert all(m.wrench.force.x == written[stamp_ns(m)][2] for m in listener.forces)
 
 
-def test_values_arrive_once_with_source_timestamps(
+def test_every_value_arrives_once_with_its_source_timestamp(
     machine: Any, driver: Any, listener: Any
 ) -> None:
     plc = machine()

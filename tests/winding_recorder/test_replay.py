@@ -87,7 +87,7 @@ def test_a_replay_gives_the_recorded_bytes(in_order: Path) -> None:
 
 
 @pytest.mark.parametrize("late", [13, 90], ids=["tension 13 ms late", "tension 90 ms late"])
-def test_arrival_order_changes_nothing(
+def test_answers_do_not_depend_on_the_order_of_arrival(
     bags: Any, in_order: Path, tmp_path: Path, late: int
 ) -> None:
     delayed = sorted(

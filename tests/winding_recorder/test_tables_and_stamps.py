@@ -252,7 +252,7 @@ def test_the_newest_axis_reading_is_the_last_usable_one(invalid: int) -> None:
 
 
 @pytest.mark.parametrize("times", [(6, 3, 4), (6, 3, 2)])
-def test_only_a_latched_message_may_be_of_later_time(
+def test_only_a_latched_message_from_before_a_bag_may_be_of_a_later_time(
     times: tuple[int, ...], tmp_path: Path
 ) -> None:
     channel = channel_of(topics.CORRECTION_CASE)

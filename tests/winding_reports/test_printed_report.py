@@ -57,7 +57,7 @@ def test_nothing_but_page_numbers_stands_in_the_margins(words: list[PrintedWord]
     assert outside_the_margins(words) == []
 
 
-def test_first_sheet_has_verdict_identity_table(
+def test_first_sheet_has_verdict_identity_and_main_table(
     record: RunRecord, words: list[PrintedWord]
 ) -> None:
     first = " ".join(word.text for word in words if word.page == 1)

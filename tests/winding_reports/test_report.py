@@ -79,12 +79,16 @@ def test_the_table_has_every_marker_and_every_number(synthetic, page_text: str) 
     assert [row[0] for row in rows] == ["P1", "P2", "P3", "P4"]
     for text, row in zip(rows, record.rows, strict=True):
         numbers = [float(value) for value in text[1:6] + text[7:]]
-        before, behind = (
-            (row.original, row.s_fem, row.s_tracked),
-            (row.s_corrected, row.s_published),
-        )
-        expected = [s / MILLIMETRE for s in before] + [row.h]
-        expected += [s / MILLIMETRE for s in behind] + [row.error_fem_pct, row.error_corrected_pct]
+        expected = [
+            row.original / MILLIMETRE,
+            row.s_fem / MILLIMETRE,
+            row.s_tracked / MILLIMETRE,
+            row.h,
+            row.s_corrected / MILLIMETRE,
+            row.s_published / MILLIMETRE,
+            row.error_fem_pct,
+            row.error_corrected_pct,
+        ]
         # Printed to 0.01.
         assert numbers == pytest.approx(expected, abs=0.0051)
 

@@ -127,7 +127,9 @@ def bench(ros: Any, tmp_path: Path) -> Iterator[Bench]:
         ("sine by speed", 100.0, from_rest),
     ],
 )
-def test_a_sine_from_afar_is_followed(bench: Bench, course: str, rate: float, meant: Any) -> None:
+def test_a_sine_from_another_process_is_followed(
+    bench: Bench, course: str, rate: float, meant: Callable[[float], float]
+) -> None:
     paced = f"{topics.FEM_MARKERS.name},{topics.TRACKED_MARKERS.name}"
     bench.wind(speed=0.0, pace_topics=paced, max_lead=1.0 / rate + MILLISECOND)
     bench.command(course, rate)

@@ -310,10 +310,13 @@ def test_what_is_not_finite_is_refused_and_changes_nothing(bad: float, which: in
 def test_drawn_rigs_fill_their_ranges_and_repeat_with_their_seed() -> None:
     rigs = [HiddenRig.drawn(np.random.default_rng(seed)) for seed in range(200)]
     ranges = {
-        "free_length": FREE_LENGTH, "load_share": LOAD_SHARE, "drag": DRAG,
-        "start_share": START_SHARE, "build_up_length": BUILD_UP_LENGTH,
+        "free_length": FREE_LENGTH,
+        "load_share": LOAD_SHARE,
+        "drag": DRAG,
+        "start_share": START_SHARE,
+        "build_up_length": BUILD_UP_LENGTH,
         "brake_friction": BRAKE_FRICTION,
-    }  # fmt: skip
+    }
     for name, (low, high) in ranges.items():
         values = np.array([getattr(each, name) for each in rigs])
         assert low <= values.min()

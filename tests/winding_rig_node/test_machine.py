@@ -102,7 +102,9 @@ def test_run_has_one_sample_per_millisecond_and_ends_at_its_duration(rows: np.nd
     # Copper wire behind a slow guide, a power cable, the rope of a crane, a guide that creeps.
     [(15.0, 0.02, 0.24e-3), (40.0, 0.3, 3.2e-3), (5000.0, 0.16, 2.5e-3), (0.5, 0.02, -0.02e-3)],
 )
-def test_slow_or_heavy_makes_no_false_stop(weight: float, cylinder: float, feed: float) -> None:
+def test_slow_guides_and_heavy_cable_are_wound_without_a_false_stop(
+    weight: float, cylinder: float, feed: float
+) -> None:
     case = replace(paper_case(4), cylinder_diameter=cylinder, weight=weight)
     drive = DriveProfile(angular_speed=1.0, feed_speed=feed)
     axis = cylinder_axis(case)

@@ -66,9 +66,12 @@ def endpoints(node: Any) -> tuple[set[str], set[str]]:
     """Return the topics that a node publishes and hears, but for those that every node has."""
     name = node.get_name()
     shared = {
-        f"{NAMESPACE}/{name}/transition_event", "/diagnostics", f"{NAMESPACE}/trace",
-        f"{NAMESPACE}/{name}/heartbeat", f"{NAMESPACE}/orchestrator/heartbeat",
-    }  # fmt: skip
+        f"{NAMESPACE}/{name}/transition_event",
+        "/diagnostics",
+        f"{NAMESPACE}/trace",
+        f"{NAMESPACE}/{name}/heartbeat",
+        f"{NAMESPACE}/orchestrator/heartbeat",
+    }
     published = node.get_publisher_names_and_types_by_node(name, NAMESPACE)
     heard = node.get_subscriber_names_and_types_by_node(name, NAMESPACE)
     return (

@@ -108,10 +108,13 @@ def test_the_json_is_strict_and_has_both_sides_alike() -> None:
         set(own)
         == set(paper)
         >= {
-            "mean_error_pct", "mean_abs_dz_mm", "mean_abs_dz_path_mm", "mean_abs_dtheta_rad",
+            "mean_error_pct",
+            "mean_abs_dz_mm",
+            "mean_abs_dz_path_mm",
+            "mean_abs_dtheta_rad",
             "cells",
         }
-    )  # fmt: skip
+    )
     json.dumps({**own, "paper": paper}, allow_nan=False)
 
 
@@ -306,9 +309,14 @@ def _tables(results=(), weights=None, cases=ALL) -> dict[str, DataTable]:
 def test_every_table_has_a_row_for_every_marker() -> None:
     rows = {name: len(table.rows) for name, table in _tables(_results(1.0)).items()}
     assert rows == {
-        "table_2": 16, "table_3": 16, "table_4": 16, "table_5": 24, "table_6": 24, "table_7": 48,
+        "table_2": 16,
+        "table_3": 16,
+        "table_4": 16,
+        "table_5": 24,
+        "table_6": 24,
+        "table_7": 48,
         "table_8": 48,
-    }  # fmt: skip
+    }
 
 
 def test_the_recovered_weights_give_table_8_as_printed() -> None:

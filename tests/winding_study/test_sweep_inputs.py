@@ -20,9 +20,13 @@ from winding_study.run_store import RunStore, run_key, solver_sources, solver_ve
 from winding_study.sweep.spec import SpecError, SweepSpec, parse_spec
 
 KINDS = {
-    "case": int, "friction": float, "tension_n": float, "young_mpa": float, "law": str,
+    "case": int,
+    "friction": float,
+    "tension_n": float,
+    "young_mpa": float,
+    "law": str,
     "rolling": bool,
-}  # fmt: skip
+}
 # Prints the project's modules that the solver brings into a fresh process.
 LOADED = """
 import sys, cable_fem_node.winding.prediction, cable_fem_node.winding.solid_winding

@@ -42,9 +42,12 @@ class SensorCell(Node):
             )
             self.infos = self.create_publisher(CameraInfo, "camera/camera_info", 50)
         services = {
-            "start": self.start, "stop": self.stop, "quick_stop": self.stop,
-            "emergency_stop": self.emergency_stop, "reset": self.reset,
-        }  # fmt: skip
+            "start": self.start,
+            "stop": self.stop,
+            "quick_stop": self.stop,
+            "emergency_stop": self.emergency_stop,
+            "reset": self.reset,
+        }
         for name, act in services.items():
             self.create_service(Trigger, f"rig/{name}", partial(self.answer, act))
         self.quit = threading.Event()

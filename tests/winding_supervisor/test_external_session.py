@@ -144,7 +144,9 @@ def session(ros: Any, driver: Any, tmp_path: Path) -> Iterator[ConductedSession]
 
 
 @pytest.mark.campaign
-def test_each_run_begins_where_it_stands(session: ConductedSession, predicted_p1: float) -> None:
+def test_each_run_begins_where_the_machine_stands_and_has_its_limits(
+    session: ConductedSession, predicted_p1: float
+) -> None:
     session.reach(RunPhase.READY)
     assert session.call("rig/start").success
     session.reach(RunPhase.UNDER_WAY)

@@ -31,7 +31,9 @@ PLANTED = [
 
 
 @pytest.mark.parametrize(("planted", "sentence"), PLANTED)
-def test_a_planted_lock_is_refused_and_kept(folder: Path, planted: str, sentence: str) -> None:
+def test_a_planted_lock_is_refused_and_nothing_is_changed(
+    folder: Path, planted: str, sentence: str
+) -> None:
     precious = folder.parent / "precious"
     precious.write_text("kept")
     if planted == "linked folder":

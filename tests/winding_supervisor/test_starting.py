@@ -71,7 +71,9 @@ async def started(node: NodeProcess, work: Work, client: AsyncClient) -> None:
 
 @pytest.mark.slow
 @pytest.mark.asyncio
-async def test_gone_parameters_name_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_node_whose_parameters_are_gone_names_their_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros"))
     spec = next(spec for spec in GRAPH if spec.name == topics.CORRECTION)
     node = node_process(spec, NAMESPACE, tmp_path, {})

@@ -139,9 +139,13 @@ class Driver:
 
 def machine(driver: Driver) -> ExternalMachine:
     config = ExternalMachineConfig(
-        axes=MachineAxes(), drive=DriveProfile(), end_angle=1.0, camera=False, starts_itself=False,
+        axes=MachineAxes(),
+        drive=DriveProfile(),
+        end_angle=1.0,
+        camera=False,
+        starts_itself=False,
         standing_limit=60.0,
-    )  # fmt: skip
+    )
     return ExternalMachine(config, cast(Any, driver), cast(Any, None))
 
 

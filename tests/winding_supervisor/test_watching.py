@@ -267,8 +267,8 @@ def test_joint_states_of_no_machine_are_named(names: list[list[str]], words: str
     for k in range(51):
         heard = names[k % len(names)]
         state = JointState(name=heard, position=[1.0] * len(heard))
-        arrived = BufferedMessage(*[20_000_000 * k] * 3, serialize_message(state))
-        buffer.add(topics.JOINT_STATES, arrived)
+        arrived, data = 20_000_000 * k, serialize_message(state)
+        buffer.add(topics.JOINT_STATES, BufferedMessage(arrived, arrived, arrived, data))
     # Every look at the clock is a minute after the one before.
     looks = itertools.count(0.0, 60.0)
     node: Any = None

@@ -166,9 +166,12 @@ def capstan(folder: Path, overhang: float = 0.8, friction: float = 0.3) -> Path:
     arc = np.concatenate([[0.0], np.cumsum(rest)]).tolist()
     one = rod(points, radius, young, rest_arc_length=arc)
     cylinder = {
-        "center": [0.0, 0.0, 0.0], "axis": [0.0, 1.0, 0.0], "radius": 0.05, "length": 0.1,
+        "center": [0.0, 0.0, 0.0],
+        "axis": [0.0, 1.0, 0.0],
+        "radius": 0.05,
+        "length": 0.1,
         "friction": friction,
-    }  # fmt: skip
+    }
     return write(
         folder,
         "capstan",
@@ -337,6 +340,6 @@ def test_other_content_is_refused(tmp_path: Path, change: dict[str, object], sen
         (["verify", "knot", "--external", "."], "no experiment named knot; there are cantilever"),
     ],
 )
-def test_folder_without_any_is_refused(tmp_path: Path, words: list[str], sentence: str) -> None:
+def test_absent_experiments_are_refused(tmp_path: Path, words: list[str], sentence: str) -> None:
     done = winding(tmp_path, *words, code=2)
     assert sentence in " ".join(done.output.split())

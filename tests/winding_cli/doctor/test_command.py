@@ -21,13 +21,16 @@ MODULES = (
     "mcap", "uvicorn", "torch", "sklearn",
 )  # fmt: skip
 CHECKS = [
-    "python", *(f"wheel {name}" for name in MODULES), "RMW_IMPLEMENTATION",
-    "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "ROS_STATIC_PEERS",
-    "ROS_DISCOVERY_SERVER", "FASTRTPS_DEFAULT_PROFILES_FILE", "domain", "participant ports",
-    "graphs in the domain", "datagrams on the loopback", "multicast on the loopback", "middleware",
-    "message exchange", "other nodes in the domain", "clock resolution", "time of day",
-    "clock jumps", "time server", "disk space", "disk speed", "processors", "memory", "open files",
-    "net.core.rmem_max", "addresses of the project",
+    "python", *(f"wheel {name}" for name in MODULES),
+    "RMW_IMPLEMENTATION", "ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY",
+    "ROS_STATIC_PEERS", "ROS_DISCOVERY_SERVER", "FASTRTPS_DEFAULT_PROFILES_FILE",
+    "domain", "participant ports", "graphs in the domain",
+    "datagrams on the loopback", "multicast on the loopback",
+    "middleware", "message exchange", "other nodes in the domain",
+    "clock resolution", "time of day", "clock jumps", "time server",
+    "disk space", "disk speed",
+    "processors", "memory", "open files", "net.core.rmem_max",
+    "addresses of the project",
 ]  # fmt: skip
 
 
@@ -52,11 +55,11 @@ def test_everything_that_is_wrong_is_reported_in_one_go(command: Any, tmp_path: 
         _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
         resource.setrlimit(resource.RLIMIT_NOFILE, (60, hard))
 
-    wrong = {"ROS_DOMAIN_ID": "seven", "RMW_IMPLEMENTATION": "rmw_nowhere"}
-    own = os.environ | wrong | {"ROS_LOCALHOST_ONLY": "1"}
-    done = command(
-        "doctor", "--json", "doctor.json", cwd=tmp_path, env=own, preexec_fn=lower, code=1
-    )
+    wrong = {
+        "ROS_DOMAIN_ID": "seven", "RMW_IMPLEMENTATION": "rmw_nowhere", "ROS_LOCALHOST_ONLY": "1",
+    }  # fmt: skip
+    own = {"env": os.environ | wrong, "preexec_fn": lower}
+    done = command("doctor", "--json", "doctor.json", cwd=tmp_path, code=1, **own)
     checks = json.loads((tmp_path / "doctor.json").read_text())["checks"]
     assert [check["check"] for check in checks] == CHECKS
     failed = {check["check"]: check for check in checks if check["level"] == "FAIL"}
