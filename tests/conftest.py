@@ -15,7 +15,7 @@ import pytest
 # Helpers stand beside the tests; colcon runs these from where no setting of pytest names them.
 sys.path += [str(folder) for folder in Path(__file__).parent.iterdir() if folder.is_dir()]
 
-from processes import COMMAND, in_namespace, running
+from processes import COMMAND, in_namespace, ran, running
 
 PATIENCE = 60.0  # A test waits ten times as long as the thing usually takes, on two busy cores
 
@@ -77,7 +77,6 @@ class Ros:
             self.executor.spin_once(timeout_sec=0.05)
 
     def call(self, node: Any, service: type, name: str, request: Any) -> Any:
-        """Return a service's response."""
         client = node.create_client(service, name)
         self.spin_until(client.service_is_ready)
         future = client.call_async(request)
@@ -176,17 +175,12 @@ def compose() -> type[ComposedGraph]:
 
 
 def winding(
-    *arguments: object, cwd: Path, patience: float = 240.0
+    *arguments: object, cwd: Path, patience: float = 240.0, code: int | None = None, **options: Any
 ) -> subprocess.CompletedProcess[str]:
-    """Run the `winding` command in a folder, as a person would."""
-    return subprocess.run(
-        [*COMMAND, *map(str, arguments)],
-        cwd=cwd,
-        capture_output=True,
-        text=True,
-        timeout=patience,
-        check=False,
-    )
+    """Run the `winding` command in a folder, as a person would; see that it ends with a code."""
+    done = ran(*COMMAND, *arguments, cwd=cwd, timeout=patience, **options)
+    assert code in (None, done.returncode), done.stdout + done.stderr
+    return done
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,14 +203,13 @@ def recorded_run(tmp_path_factory: pytest.TempPathFactory) -> RecordedRun:
     finished = winding(
         "run", "--case", 4, "--speed", 0, "--duration-s", duration,
         "--bag", bag, "--report", report, "--json", json,
-        cwd=folder,
+        cwd=folder, code=0,
     )  # fmt: skip
     return RecordedRun(duration=duration, bag=bag, report=report, json=json, finished=finished)
 
 
 @pytest.fixture(scope="session")
 def command() -> Callable[..., subprocess.CompletedProcess[str]]:
-    """The `winding` command."""
     return winding
 
 
@@ -226,11 +219,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     disk = tmp_path / "disk"
     disk.mkdir()
     mount = shutil.which("mount")
-    done = mount and subprocess.run(
-        [mount, "-t", "tmpfs", "-o", "size=1m", "tmpfs", str(disk)],
-        check=False,
-        capture_output=True,
-    )
+    done = mount and ran(mount, "-t", "tmpfs", "-o", "size=1m", "tmpfs", disk)
     if not done or done.returncode != 0:
         pytest.skip("only root may mount a file system of 1 MB")
     yield disk

@@ -2,11 +2,12 @@
 
 import os
 import re
-import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 pytestmark = [pytest.mark.campaign, pytest.mark.slow]
 
@@ -26,19 +27,12 @@ def environment(**more: str) -> dict[str, str]:
 
 
 def colcon(verb: str, folder: Path, *arguments: str) -> str:
-    done = subprocess.run(
-        [
-            *("colcon", "--log-base", str(folder / "log"), verb, "--merge-install"),
-            *("--base-paths", str(WORKSPACE / "src"), "--build-base", str(folder / "build")),
-            *("--install-base", str(folder / "install"), *arguments),
-        ],
-        env=environment(),
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    done = ran(
+        *("colcon", "--log-base", folder / "log", verb, "--merge-install"),
+        *("--base-paths", WORKSPACE / "src", "--build-base", folder / "build"),
+        *("--install-base", folder / "install", *arguments),
+        env=environment(), cwd=folder, timeout=240,
+    )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -50,37 +44,26 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.slow
 def test_every_package_is_in_the_ament_index(workspace: Path) -> None:
     index = workspace / "install/share/ament_index/resource_index/packages"
     assert {path.name for path in index.iterdir()} == PACKAGES
 
 
-@pytest.mark.slow
 def test_the_installed_command_runs_from_its_own_files(workspace: Path) -> None:
     install = workspace / "install"
     (site,) = install.glob("lib/python3*/site-packages")
-    done = subprocess.run(
-        [str(install / "lib/winding_cli/winding"), "predict", "--case", "4", "--duration-s=1"],
-        env=environment(PYTHONPATH=str(site)),
-        cwd=workspace,
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    words = (install / "lib/winding_cli/winding", "predict", "--case", 4, "--duration-s=1")
+    done = ran(*words, env=environment(PYTHONPATH=str(site)), cwd=workspace, timeout=240)
     assert done.returncode == 0, done.stderr
     assert re.search(r"P1\b", done.stdout)
 
 
-@pytest.mark.slow
 def test_the_launch_file_is_installed(workspace: Path) -> None:
     installed = workspace / "install/share/winding_bringup/launch/twin.launch.py"
     source = WORKSPACE / "src/winding_bringup/winding_bringup/launch/twin.launch.py"
     assert installed.read_bytes() == source.read_bytes()
 
 
-@pytest.mark.slow
 def test_colcon_test_runs_the_tests_of_a_room(workspace: Path) -> None:
     colcon("test", workspace, "--packages-select", "winding_core", "--return-code-on-test-failure")
     report = (workspace / "build/winding_core/pytest.xml").read_text(encoding="utf-8")

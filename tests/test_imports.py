@@ -1,11 +1,10 @@
 """What a start imports: the heavy libraries wait for those who use them."""
 
 import os
-import subprocess
-import sys
 
 import pytest
 
+from processes import python
 from winding_ros.graph import GRAPH
 
 # Each costs a process between a tenth and a whole second of processor time.
@@ -20,16 +19,9 @@ CORES = ("numpy", "numba", "cv2", "rclpy", "yaml")  # What a core is made of; he
 def loaded(code: str, names: tuple[str, ...]) -> list[str]:
     """Return which of some modules a process has loaded after it has run code."""
     ask = f"{code}\nimport sys\nprint(*[name for name in {names!r} if name in sys.modules])"
-    done = subprocess.run(
-        [sys.executable, "-c", ask],
-        capture_output=True,
-        text=True,
-        check=True,
-        timeout=120,
-        # What counts lines imports modules of its own.
-        env={name: value for name, value in os.environ.items() if "COVERAGE" not in name},
-    )
-    return done.stdout.splitlines()[-1].split()
+    # What counts lines imports modules of its own.
+    own = {name: value for name, value in os.environ.items() if "COVERAGE" not in name}
+    return python(ask, check=True, timeout=120, env=own).stdout.splitlines()[-1].split()
 
 
 @pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.package)

@@ -5,11 +5,11 @@ import itertools
 import math
 
 import numpy as np
+from rods import cable_on
 
 from cable_fem_node.winding.expected_cost import expected_cost
 from cable_fem_node.winding.prediction import PlannedRun
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cable.cases import Case, Material
 from winding_core.machine.drive import DriveProfile
 
 # Element-steps from which a user would take the mass scaling that is proposed, and from which a
@@ -29,18 +29,11 @@ def condition(seed: int) -> tuple[WindingConfig, DriveProfile]:
     def spread(low: float, high: float) -> float:
         return math.exp(rng.uniform(math.log(low), math.log(high)))
 
-    cylinder, cable = spread(8.0e-3, 0.3), spread(0.5e-3, 12.0e-3)
+    cylinder, diameter = spread(8.0e-3, 0.3), spread(0.5e-3, 12.0e-3)
     young, tension = spread(0.5e6, 200.0e9), spread(1.0e-2, 1.0e2)
     law = str(rng.choice(["linear", "neo_hookean", "hencky"]))
-    drive = DriveProfile(feed_speed=1.2 * cable * 1.74 / math.tau)
-    case = Case(
-        cylinder_diameter=cylinder,
-        cable_diameter=cable,
-        weight=tension,
-        material=Material(young=young),
-        marker_count=1,
-        marker_spacing=0.3,
-    )
+    drive = DriveProfile(feed_speed=1.2 * diameter * 1.74 / math.tau)
+    case = cable_on(cylinder, diameter, tension, young, marker_spacing=0.3)
     return WindingConfig(case=case, law=law), drive
 
 

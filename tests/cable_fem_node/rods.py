@@ -9,7 +9,7 @@ from cable_fem_node.identification import Readings, TrackedRun
 from cable_fem_node.winding.prediction import predict
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import WindingModel
-from winding_core.cable.cases import paper_case
+from winding_core.cable.cases import Case, Material, paper_case
 from winding_core.machine.drive import PAPER_DURATION, DriveProfile
 from winding_core.markers import is_wound
 from winding_core.run_inputs import planned_inputs
@@ -22,7 +22,6 @@ DRIVE = DriveProfile()
 
 
 def case_of(number: int, **fields: Any) -> WindingConfig:
-    """Return the model of a published case with changed fields."""
     return WindingConfig(case=paper_case(number), **fields)
 
 
@@ -35,16 +34,25 @@ def follow(model: Model, until: float, period: float = 0.02, tension: float | No
     return model
 
 
+def cable_on(
+    cylinder: float, diameter: float, weight: float, young: float = 2.6e6, **own: Any
+) -> Case:
+    """Return a case of one marker: diameters [m], weight [N], modulus [Pa]."""
+    size = {"cylinder_diameter": cylinder, "cable_diameter": diameter, "weight": weight}
+    markers = {"marker_count": 1, "marker_spacing": 0.1}
+    return Case(material=Material(young=young), **{**size, **markers, **own})
+
+
 def readings(**changed: Any) -> Readings:
-    """Return readings of P1 and P2 as they lie about in case 4."""
-    values: dict[str, Any] = {
-        "ids": np.array([1, 2]),
-        "theta": np.array([6.5, 13.1]),
-        "z": np.array([0.004, 0.015]),
-        "sigma_theta": np.full(2, 3e-3),
-        "sigma_z": np.full(2, 1e-4),
-    }
-    return Readings(**(values | changed))
+    """Return readings from P1 on, P1 and P2 of case 4 by default; one deviation is everybody's."""
+    values = {"theta": np.array([6.5, 13.1]), "z": np.array([0.004, 0.015])}
+    values |= {"sigma_theta": 3e-3, "sigma_z": 1e-4, **changed}
+    count = len(values["theta"])
+    values.setdefault("ids", np.arange(1, count + 1))
+    for name in ("sigma_theta", "sigma_z"):
+        if np.isscalar(values[name]):
+            values[name] = np.full(count, values[name])
+    return Readings(**values)
 
 
 def tracked(config: WindingConfig = CONFIG, duration: float = 12.0, **changed: Any) -> TrackedRun:

@@ -77,7 +77,6 @@ class SolverBench:
         )
 
     def begin_anew(self) -> None:
-        """Let the node begin another run."""
         assert self.node.trigger_deactivate() is SUCCESS
         assert self.node.trigger_activate() is SUCCESS
 
@@ -111,7 +110,6 @@ class SolverBench:
             self._tracker.publish(encode_cloud(t + 0.005 * frame, markers))
 
     def wait_for(self, topic: Topic, count: int) -> list[Any]:
-        """Wait for so many messages of a topic and return them."""
         self._ros.spin_until(lambda: len(self.heard[topic]) >= count)
         return self.heard[topic]
 

@@ -142,7 +142,6 @@ def test_copper_that_yields_lies_where_an_elastic_bar_would_not() -> None:
 
 def test_the_stretch_that_yielding_leaves_is_said() -> None:
     check = named(RunParameters(**vars(COPPER)).plan().checks(), "yielding leaves")
-    assert check is not None
     assert check.warned
     # An elastic, ideally plastic section bent under that tension in 1500 steps grows by 0.62 %.
     assert check.value == pytest.approx(0.62, rel=0.05)

@@ -47,9 +47,7 @@ def markers(tmp_path: Path) -> Path:
 
 
 @pytest.mark.slow
-def test_markers_give_the_modulus_and_the_markers_that_are_to_come(
-    markers: Path, tmp_path: Path
-) -> None:
+def test_markers_give_the_modulus_and_the_markers_to_come(markers: Path, tmp_path: Path) -> None:
     found, text = identified(tmp_path, markers, "--case", 4, "--use", 2)
     # The estimator's elements are twice as long; the specification's 3 %.
     assert found["young_pa"] == pytest.approx(2.6e6, rel=0.03)
@@ -155,9 +153,7 @@ def test_recorded_run_is_read_with_its_own_condition(recorded_run: Any, tmp_path
     assert 4.0e6 < found["young_pa"] < 5.2e6
 
 
-def test_rig_comes_with_covariance_and_what_markers_do_not_determine(
-    markers: Path, tmp_path: Path
-) -> None:
+def test_rig_comes_with_covariance_and_what_is_unobservable(markers: Path, tmp_path: Path) -> None:
     found, text = identified(tmp_path, markers, "--case", 4, "--use", 2, "--rig")
     assert found["refused"] == ""
     assert np.shape(found["covariance"]) == (len(found["names"]),) * 2
@@ -197,7 +193,7 @@ def test_the_prior_of_the_rig_is_what_is_typed(markers: Path, tmp_path: Path) ->
         (("--rig", "--scatter-mm", "nan"), "scatter must be finite"),
     ],
 )
-def test_rig_options_that_cannot_be_are_refused(
+def test_bad_rig_options_are_refused(
     markers: Path, arguments: tuple[object, ...], sentence: str
 ) -> None:
     assert_refused(identify(markers, "--case", 4, *arguments), sentence)

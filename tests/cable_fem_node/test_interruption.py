@@ -1,9 +1,8 @@
 """A signal whose handler raises while the solver is at work, as Ctrl-C in a notebook does."""
 
-import subprocess
-import sys
-
 import pytest
+
+from processes import python
 
 # The handler runs at the first line of Python after the kernel: its exception must arrive there.
 PROGRAM = """
@@ -42,7 +41,5 @@ SOLID = "lambda: SolidWinding(WindingConfig(case=paper_case(4), segment_length=4
 @pytest.mark.parametrize(("make", "step"), [(ROD, 0.02), (SOLID, 1.0e-4)])
 def test_what_a_signal_raises_arrives_and_ends_no_interpreter(make: str, step: float) -> None:
     program = PROGRAM.format(make=make, step=step)
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
+    done = python(program)
     assert (done.returncode, done.stdout) == (0, "20\n"), done.stderr

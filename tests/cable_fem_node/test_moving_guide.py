@@ -7,10 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rods import CASE, CONFIG, DRIVE
+from rods import CASE, CONFIG, DRIVE, tracked
 
 from cable_fem_node.identification.quasi_static import lay
-from cable_fem_node.identification.tracked_run import Readings, TrackedRun
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
@@ -75,14 +74,10 @@ def test_span_that_changes_by_a_third_lays_by_the_lag_that_it_has(steady: RodWin
         for t, reading in readings(placed(longer)):
             history.record(t, reading, CASE.weight)
         seen = markers(moved)
-        known = Readings(
-            ids=np.arange(1, 4),
-            theta=np.asarray(seen["theta"]),
-            z=np.asarray(seen["z"]),
-            sigma_theta=np.full(3, 1.0e-3),
-            sigma_z=np.full(3, 1.0e-4),
+        known = tracked(
+            theta=np.asarray(seen["theta"]), z=np.asarray(seen["z"]), sigma_theta=1.0e-3
         )
-        run = TrackedRun(config=CONFIG, inputs=history.inputs, readings=known)
+        run = replace(known, inputs=history.inputs)
         theta, z = lay(run, CONFIG.resolved.law)
         steady_run = replace(run, inputs=without_guide(history))
         still_theta, still_z = lay(steady_run, CONFIG.resolved.law)
@@ -108,7 +103,6 @@ def test_guide_that_goes_round_the_cylinder_winds_as_the_cylinder_that_turns_bac
     def relative(t: float) -> AxisReading:
         reading = DRIVE.reading_at(t)
         place, own = placed(turned=turned)(t), GuidePlace.beside(RADIUS, FREE)
-        assert place is not None
         angle = math.atan2(place.y, place.x) - math.atan2(own.y, own.x)
         return replace(reading, cylinder_angle=reading.cylinder_angle - angle)
 

@@ -1,10 +1,12 @@
 """A cable whose stress fades: against the standard linear solid, at rest and integrated."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from rods import CASE, DRIVE, follow, tracked
 
 from cable_fem_node.identification import IdentificationError
@@ -36,9 +38,7 @@ def crept(t: Any) -> Any:
 
 
 def standing(angle: float = 0.0, guide: float = 0.0) -> AxisReading:
-    return AxisReading(
-        cylinder_angle=angle, angular_speed=0.0, carriage_position=guide, feed_speed=0.0
-    )
+    return axis_reading(angle, guide)
 
 
 def wound(until: float, prony: str = SOLID, **more: Any) -> RodWinding:
@@ -175,15 +175,21 @@ def test_recursion_is_exact_for_a_linear_rise_over_a_long_step() -> None:
     assert change == viscous
 
 
-def test_what_cannot_creep_to_an_end_is_refused() -> None:
-    heavy = replace(CASE, weight=8.0, material=Material(prony=PronySeries.parse("0.5:3")))
-    with pytest.raises(ValueError, match="8 N end as 16 N would at once: law hencky carries"):
-        WindingConfig(case=heavy, law="hencky")
+HEAVY = replace(CASE, weight=8.0, material=Material(prony=PronySeries.parse("0.5:3")))
 
 
-def test_solid_refuses_a_series() -> None:
-    with pytest.raises(ValueError, match="the solid element knows elastic cables alone"):
-        predict(config(), duration=0.1, element="solid")
+@pytest.mark.parametrize(
+    ("ask", "sentence"),
+    [
+        (lambda: WindingConfig(case=HEAVY, law="hencky"),
+         "8 N end as 16 N would at once: law hencky carries"),
+        (lambda: predict(config(), duration=0.1, element="solid"),
+         "the solid element knows elastic cables alone"),
+    ],
+)  # fmt: skip
+def test_what_cannot_creep_is_refused(ask: Callable[[], Any], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        ask()
 
 
 def test_identification_refuses_a_series() -> None:

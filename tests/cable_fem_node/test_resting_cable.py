@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from rods import CASE, CONFIG, DRIVE, follow
 
 from cable_fem_node.dynamics.state import empty_points
@@ -51,11 +52,8 @@ class Machine:
 
     def _reading(self) -> AxisReading:
         advance = DRIVE.advance_per_radian
-        return AxisReading(
-            cylinder_angle=self._angle,
-            angular_speed=self._speed,
-            carriage_position=advance * self._angle,
-            feed_speed=advance * self._speed,
+        return axis_reading(
+            self._angle, advance * self._angle, speed=self._speed, feed=advance * self._speed
         )
 
     def agree(self) -> None:
@@ -182,9 +180,7 @@ def test_slip_that_goes_deeper_than_what_is_awake_wakes_what_rests() -> None:
         pytest.param([(12.0, SPEED, 1.0), (9.0, -SPEED, 1.0), (6.0, SPEED, 1.0)], id="unwound"),
     ],
 )
-def test_what_rests_follows_what_the_machine_does(
-    schedule: list[tuple[float, float, float]],
-) -> None:
+def test_what_rests_follows_the_machine(schedule: list[tuple[float, float, float]]) -> None:
     machine = Machine()
     for number, (seconds, speed, share) in enumerate(schedule):
         machine.wind(seconds, speed=speed, tension=share * WEIGHT)

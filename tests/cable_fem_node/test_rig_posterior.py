@@ -10,7 +10,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from rods import CASE, case_of, readings, tracked, wound
+from rods import CASE, cable_on, case_of, readings, tracked, wound
 
 from cable_fem_node.identification import (
     KNOWN_TENSION,
@@ -23,12 +23,13 @@ from cable_fem_node.identification import (
 from cable_fem_node.identification.rig_lay import RigLay
 from cable_fem_node.identification.steady import SteadyConfig, SteadyMarkers
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cable.cases import Case, Material, paper_case
+from winding_core.cable.cases import paper_case
 from winding_core.machine.tension import RigTension
 from winding_core.markers import MarkerFlag, Markers, wound_markers
 
 # docs/vision.md, on the 30 mm cylinder.
 SIGMA_THETA, SIGMA_Z = 3.0e-3, 0.12e-3
+SIGMAS = {"sigma_theta": SIGMA_THETA, "sigma_z": SIGMA_Z}
 STEADY = {
     "young": 2.2e6,
     "free_length": 0.205,
@@ -57,8 +58,7 @@ def run_of(
 ) -> TrackedRun:
     """Return the first markers of a rig; without a seed they are where they lie."""
     every = np.arange(1, 5)
-    sigmas = {"sigma_theta": np.full(4, SIGMA_THETA), "sigma_z": np.full(4, SIGMA_Z)}
-    run = tracked(case_of(case), 20.0, ids=every, theta=6.0 * every, z=0.01 * every, **sigmas)
+    run = tracked(case_of(case), 20.0, theta=6.0 * every, z=0.01 * every, **SIGMAS)
     if tension is not None:
         run.inputs["tension"] = tension
     theta, z = laid(run, rig)
@@ -66,8 +66,7 @@ def run_of(
     share = 0.0 if seed is None else 1.0
     theta = theta + share * SIGMA_THETA * rng.standard_normal(4)
     z = z + share * SIGMA_Z * rng.standard_normal(4)
-    found = readings(ids=every, theta=theta, z=z, **sigmas)
-    return dataclasses.replace(run, readings=found.first(markers))
+    return dataclasses.replace(run, readings=readings(theta=theta, z=z, **SIGMAS).first(markers))
 
 
 def lengths(case: int, rig: dict[str, float]) -> np.ndarray:
@@ -86,9 +85,7 @@ def steady() -> RigPosterior:
     return identify_rig([run_of(4, 4, STEADY)])
 
 
-def test_markers_determine_stretch_and_free_length_and_not_what_stretched(
-    steady: RigPosterior,
-) -> None:
+def test_markers_determine_stretch_and_free_length_not_what_stretched(steady: RigPosterior) -> None:
     posterior = steady
     assert {"load_share", "guide_drag"} <= set(posterior.unobservable)
     beliefs = posterior.beliefs
@@ -202,8 +199,7 @@ def test_markers_of_no_rig_are_refused() -> None:
 
 def test_stated_fixing_is_no_misfit() -> None:
     # P0 was fixed 1.7 mm along the cable from where it should be: all angles are off by as much.
-    off = shifted(run_of(4, 3, STEADY), 0.1)
-    posterior = identify_rig([off], RigPrior(fixing=2.0e-3))
+    posterior = identify_rig([shifted(run_of(4, 3, STEADY), 0.1)], RigPrior(fixing=2.0e-3))
     assert not posterior.misfit
     expected = lengths(4, STEADY)[-1] + 0.1 * CASE.centreline_radius
     assert posterior.ahead[0][0].low < expected < posterior.ahead[0][0].high
@@ -216,15 +212,7 @@ def test_the_same_markers_give_the_same_posterior() -> None:
 
 def small(law: str, friction: float) -> WindingConfig:
     """Return a cable of 1.5 mm on a cylinder of 16 mm."""
-    material = Material(young=2.0e6)
-    case = Case(
-        cylinder_diameter=16.0e-3,
-        cable_diameter=1.5e-3,
-        weight=0.4,
-        material=material,
-        marker_count=4,
-        marker_spacing=0.05,
-    )
+    case = cable_on(16.0e-3, 1.5e-3, 0.4, 2.0e6, marker_count=4, marker_spacing=0.05)
     return WindingConfig(case=case, law=law, friction=friction)
 
 
@@ -244,14 +232,12 @@ WOUND = {
 def test_closed_form_lies_where_the_rod_lies(config: WindingConfig) -> None:
     theta, z = wound(config)
     young = config.case.material.young
-    ids = np.arange(1, theta.size + 1)
-    sigmas = {"sigma_theta": np.full(ids.size, SIGMA_THETA), "sigma_z": np.full(ids.size, SIGMA_Z)}
-    run = tracked(config, 20.0, ids=ids, theta=theta, z=z, **sigmas)
+    run = tracked(config, 20.0, theta=theta, z=z, **SIGMAS)
     rig = STEADY | WHOLE | {"free_length": config.free_length}
-    found, found_z = (row[: ids.size] for row in laid(run, rig | {"young": young}))
+    found, found_z = (row[: theta.size] for row in laid(run, rig | {"young": young}))
     stiffer, _ = laid(run, rig | {"young": 1.01 * young})
     # 0.2 % of E is the specification's.
-    sensitivity = np.log(stiffer[: ids.size] / found) / np.log(1.01)
+    sensitivity = np.log(stiffer[: theta.size] / found) / np.log(1.01)
     assert np.abs(np.log(theta / found) / sensitivity).max() < 2.0e-3
     # Half the deviation of the tracker on the large cylinder.
     assert found_z == pytest.approx(z, abs=0.025e-3)
@@ -316,7 +302,6 @@ def test_reading_is_the_mean_with_the_deviation_of_one_frame() -> None:
     rng = np.random.default_rng(0)
     draws = 6.5 + 2e-3 * rng.standard_normal(400)
     readings = seen(*[frame(float(theta)) for theta in draws]).readings()
-    assert readings is not None
     assert readings.theta[0] == pytest.approx(draws.mean(), abs=1e-12)
     # The frames' 2 mrad and the camera's 1 mrad, which no number of frames averages away.
     assert readings.sigma_theta[0] == pytest.approx(np.hypot(2e-3, 1e-3))

@@ -1,7 +1,6 @@
 """A run that is wound ahead in pieces, beside a node's thread, or again from its thinned inputs."""
 
 import itertools
-import subprocess
 import sys
 
 import numpy as np
@@ -14,6 +13,7 @@ from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.run_ahead import AbandonedError, RunAhead, replay
 from cable_fem_node.winding.winding_config import WindingConfig
+from processes import python
 from winding_core.markers import Markers, is_wound
 from winding_core.run_inputs import RunHistory, continued_inputs, planned_inputs
 
@@ -102,8 +102,7 @@ def test_every_piece_is_checked(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.slow
 def test_task_yields_every_piece_in_order(whole: Markers) -> None:
-    run = ahead(2.0)
-    task = PredictionTask(run, 1.5)
+    task = PredictionTask(ahead(2.0), 1.5)
     news: list[Markers] = []
     # The run is done before its last piece is found.
     while not task.failure and (not news or is_wound(news[-1]).sum() < is_wound(whole).sum()):
@@ -130,9 +129,7 @@ def test_task_reports_why_it_ended_before_the_run() -> None:
 @pytest.mark.parametrize(("niceness", "expected"), [(10, 15), (17, 19)])
 def test_a_nice_process_has_nicer_tasks(niceness: int, expected: int) -> None:
     # A process of an ordinary user may raise a niceness and never lower it.
-    program = [sys.executable, "-c", PROGRAM.format(niceness=niceness)]
-    done = subprocess.run(program, capture_output=True, text=True, check=True)
-    assert int(done.stdout) == expected
+    assert int(python(PROGRAM.format(niceness=niceness), check=True).stdout) == expected
 
 
 def recorded(duration: float, **how: float) -> RunHistory:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from rods import CONFIG, DRIVE
 from solver_bench import fed
 
@@ -29,11 +30,11 @@ Motion = Callable[[float], float]
 def reading(angle: Motion, guide: Motion, t: float) -> AxisReading:
     """Return where both axes stand and how they move, their speeds by central differences."""
     step = 1.0e-5
-    return AxisReading(
-        cylinder_angle=angle(t),
-        angular_speed=(angle(t + step) - angle(t - step)) / (2.0 * step),
-        carriage_position=guide(t),
-        feed_speed=(guide(t + step) - guide(t - step)) / (2.0 * step),
+    return axis_reading(
+        angle(t),
+        guide(t),
+        speed=(angle(t + step) - angle(t - step)) / (2.0 * step),
+        feed=(guide(t + step) - guide(t - step)) / (2.0 * step),
     )
 
 

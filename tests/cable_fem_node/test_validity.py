@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from random_conditions import SCALED_FROM, effort, planned
-from rods import CONFIG, case_of
+from rods import CONFIG, cable_on, case_of
 
 from cable_fem_node.dynamics.state import EnergyBalanceError, ImpossibleResultError, SolverError
 from cable_fem_node.winding.expected_cost import expected_cost
@@ -18,7 +18,6 @@ from cable_fem_node.winding.prediction import PlannedRun, predict
 from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.validity import Check, checks_of, motion_check
 from cable_fem_node.winding.winding_config import WindingConfig
-from winding_core.cable.cases import Case, Material
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import RigTension
 
@@ -29,15 +28,7 @@ STRETCH_PCT = 0.2  # The promise: elements of half the length change the wound s
 def config(
     cylinder: float, cable: float, tension: float, young: float = 2.6e6, **own: Any
 ) -> WindingConfig:
-    case = Case(
-        cylinder_diameter=cylinder,
-        cable_diameter=cable,
-        weight=tension,
-        marker_spacing=0.1,
-        marker_count=1,
-        material=Material(young=young),
-    )
-    return WindingConfig(case=case, **own)
+    return WindingConfig(case=cable_on(cylinder, cable, tension, young), **own)
 
 
 def bending_share(what: WindingConfig) -> float:
@@ -113,9 +104,7 @@ def test_the_limit_is_where_bending_takes_the_whole_tension(cylinder: float) -> 
 
 
 @pytest.mark.parametrize(("segment", "number"), [(10.0e-3, 4), (15.0e-3, 4), (8.0e-3, 2)])
-def test_elements_too_long_for_the_cylinder_are_refused_with_the_way_out(
-    segment: float, number: int
-) -> None:
+def test_too_long_elements_are_refused_with_the_way_out(segment: float, number: int) -> None:
     what = case_of(number, segment_length=segment)
     with pytest.raises(ValueError, match=r"over the wound radius .* more than 0\.6.*segment_len"):
         RodWinding(what)
@@ -163,9 +152,7 @@ def test_first_turns_that_lie_on_each_other_are_reported(pitches: float, over: i
 @pytest.mark.parametrize(
     ("cylinder", "share"), [(0.014, 0.15), (0.014, 0.28), (0.045, 0.28), (0.24, 0.25), (0.045, 0.7)]
 )
-def test_the_wound_tension_of_stiff_cable_is_as_near_as_is_said(
-    cylinder: float, share: float
-) -> None:
+def test_the_wound_tension_of_stiff_cable_is_as_near_as_said(cylinder: float, share: float) -> None:
     cable, young = 0.08 * cylinder, 30.0e6
     radius, stiffness = 0.54 * cylinder, young * math.pi * cable**4 / 64.0
     # The stretch, a percent, shifts the share by as much.
@@ -210,8 +197,7 @@ def test_stiffness_is_held_against_the_lowest_tension(start_share: float) -> Non
     case = case_of(4).case
     law = RigTension(offset=1.0 - case.weight, start_share=start_share, build_up_length=0.03)
     lowest = min(1.0, start_share)
-    resolved = case_of(4, tension_law=law).resolved
-    assert resolved.lowest_tension == pytest.approx(lowest)
+    assert case_of(4, tension_law=law).resolved.lowest_tension == pytest.approx(lowest)
     with pytest.raises(ValueError, match=r"lowest tension 0\.0[24]* N"):
         case_of(4, tension_law=dataclasses.replace(law, offset=0.02 / lowest - case.weight))
 
@@ -246,9 +232,7 @@ def test_expected_steps_and_elements_are_those_of_the_run(number: int) -> None:
     # 0.02 mm, a tenth of what a fine camera tells; of a hose 1 % of its diameter.
     [(config(0.06, 0.001, 30.0, 5.0e9), 2.0e-5), (config(0.16, 0.008, 16.0, 30.0e6), 8.0e-5)],
 )
-def test_the_proposed_mass_scaling_leaves_the_cable_where_it_is(
-    what: WindingConfig, lay: float
-) -> None:
+def test_the_proposed_mass_scaling_does_not_move_the_lay(what: WindingConfig, lay: float) -> None:
     run = PlannedRun(config=what, duration=6.0)
     cost = expected_cost(run, iter(np.arange(0.0, 100.0, 0.02)).__next__)
     assert cost.mass_scaling > 10.0

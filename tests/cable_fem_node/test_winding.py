@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from random_conditions import condition
-from rods import CASE, CONFIG, DRIVE, case_of, follow, tracked
+from rods import CASE, CONFIG, DRIVE, cable_on, case_of, follow, tracked
 
 from cable_fem_node.dynamics.state import DivergenceError
 from cable_fem_node.identification.quasi_static import lay
@@ -18,7 +18,7 @@ from cable_fem_node.winding.rod_winding import RodWinding
 from cable_fem_node.winding.solid_winding import SolidWinding
 from cable_fem_node.winding.winding_config import WindingConfig
 from cable_fem_node.winding.winding_model import lift_off_angle
-from winding_core.cable.cases import Case, Material, paper_case
+from winding_core.cable.cases import Material, paper_case
 from winding_core.helix import FleetAngleLaw
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.tension import RigTension
@@ -169,13 +169,7 @@ def test_time_must_not_run_backwards() -> None:
 
 
 def test_a_guide_does_the_work_of_pushing_a_stiff_span_aside() -> None:
-    case = Case(
-        cylinder_diameter=0.3,
-        cable_diameter=4.0e-3,
-        weight=2.0,
-        marker_spacing=0.1,
-        material=Material(young=2.6e9),
-    )
+    case = cable_on(0.3, 4.0e-3, 2.0, 2.6e9)
     config = WindingConfig(case=case, damping_ratio=0.05, segment_length=2.0e-3, free_length=0.1)
     model = RodWinding(config)
     machine = Machine(model, case.weight)
@@ -236,25 +230,12 @@ def test_solid_refuses_a_factor(name: str) -> None:
         predict(with_material(**{name: 0.5}), duration=0.1, element="solid")
 
 
-@pytest.mark.parametrize("name", ["axial_factor", "bending_factor"])
-@pytest.mark.parametrize("value", [0.0, -1.0, float("inf"), float("nan")])
-def test_factors_must_be_positive_and_finite(name: str, value: float) -> None:
-    with pytest.raises(ValueError, match=f"{name} must be positive and finite"):
-        Material(**{name: value})
-
-
 def stiff_run(bending_share: float, segment: float) -> PlannedRun:
     """Return a run of a 4 mm cable on 60 mm whose bending takes a share of its tension."""
     young, radius = 2.5e6, 32.0e-3
     bending = young * math.pi * 4.0e-3**4 / 64.0
-    case = Case(
-        cylinder_diameter=60.0e-3,
-        cable_diameter=4.0e-3,
-        weight=0.5 * bending / (bending_share * radius**2),
-        material=Material(young=young),
-        marker_count=1,
-        marker_spacing=0.3,
-    )
+    weight = 0.5 * bending / (bending_share * radius**2)
+    case = cable_on(60.0e-3, 4.0e-3, weight, young, marker_spacing=0.3)
     # Slow enough for the tensions of stiff cables, a few hundredths of a newton.
     drive = DriveProfile(angular_speed=0.6, feed_speed=0.5e-3)
     config = WindingConfig(case=case, law="linear", segment_length=segment)
@@ -347,7 +328,6 @@ def test_a_limp_cable_has_no_moment_to_follow() -> None:
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 def test_paper_mesh_winds_four_turns_with_a_closed_balance() -> None:
     config = WindingConfig(case=paper_case(4), segment_length=20.0e-3, mass_scaling=2000.0)
     run = predict(config, duration=15.5, rate=10.0, element="solid")
@@ -357,7 +337,6 @@ def test_paper_mesh_winds_four_turns_with_a_closed_balance() -> None:
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 def test_solid_lies_like_the_rod() -> None:
     config = WindingConfig(case=paper_case(4), segment_length=5.0e-3, mass_scaling=1500.0)
     solid = predict(config, duration=2.8, rate=10.0, element="solid")
@@ -370,18 +349,15 @@ def test_solid_lies_like_the_rod() -> None:
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.parametrize("own", [{}, {"law": "mooney_rivlin", "mooney_ratio": 5.0}])
 def test_solid_starts_in_equilibrium_with_the_weight(own: dict[str, Any]) -> None:
     config = WindingConfig(case=paper_case(4), segment_length=10.0e-3, **own)
-    model = SolidWinding(config, 2.0)
-    tension = model.cable()["tension"]
+    tension = SolidWinding(config, 2.0).cable()["tension"]
     # Uniaxial stretch of the law, straight cable: exact up to the section's polygon.
     assert tension == pytest.approx(config.case.weight, rel=1e-6)
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 def test_cable_that_runs_out_is_reported() -> None:
     config = WindingConfig(case=paper_case(4), segment_length=20.0e-3, mass_scaling=4000.0)
     model = SolidWinding(config, 0.2)

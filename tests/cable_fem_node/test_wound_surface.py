@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from dense_contact import dense_lay
 from random_conditions import planned
 
@@ -16,7 +17,6 @@ from cable_fem_node.winding.wound_surface import TURN, WoundSurface
 from winding_core.cable.cases import paper_case
 from winding_core.machine.drive import DriveProfile
 from winding_core.machine.drum import Drum
-from winding_core.machine.readings import AxisReading
 
 CASE = replace(paper_case(4), marker_count=1)
 RADIUS, DIAMETER = CASE.cylinder_radius, CASE.cable_diameter
@@ -36,12 +36,7 @@ def follow(model, turns, guide):
         up = min(t, RAMP)
         angle, speed = SPEED * (t - up + 0.5 * up * up / RAMP), SPEED * up / RAMP
         place, slope = guide(angle)
-        reading = AxisReading(
-            cylinder_angle=angle,
-            angular_speed=speed,
-            carriage_position=place,
-            feed_speed=slope * speed,
-        )
+        reading = axis_reading(angle, place, speed=speed, feed=slope * speed)
         model.advance_to(t, reading)
     return model
 
@@ -99,8 +94,7 @@ def layers():
 
 
 def test_turns_that_the_lag_would_lay_on_each_other_lie_side_by_side():
-    model = wound(3, DIAMETER, drum(20))
-    theta, z, height = laid(model)
+    theta, z, height = laid(wound(3, DIAMETER, drum(20)))
     later = np.interp(theta + TURN, theta, z, right=np.nan) - z
     # The lag law lays the second turn 0.92 diameters beside the first. The springs give way by
     # half a per cent.
@@ -278,8 +272,7 @@ def test_memory_grows_evenly_with_the_cable(layers):
 
 
 def test_the_end_of_the_cable_is_passed_without_a_jump():
-    model = wound(1.2, 0.9 * DIAMETER, drum(20))
-    assert abs(model.energy.balance_pct) < 0.1
+    assert abs(wound(1.2, 0.9 * DIAMETER, drum(20)).energy.balance_pct) < 0.1
 
 
 def test_unwinding_brings_the_cable_below_to_light():

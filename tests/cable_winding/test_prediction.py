@@ -3,8 +3,7 @@
 import dataclasses
 import inspect
 import json
-import subprocess
-import sys
+from collections.abc import Callable
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 
 import cable_winding as cw
+from processes import python
 
 # Case 4 over a third of its time: one marker is wound.
 SHORT = cw.Condition(case=4, marker_spacing=30e-3, duration=6.0)
@@ -73,14 +73,29 @@ def test_the_modulus_is_identified_from_its_own_prediction(run: cw.Prediction) -
     assert found.residual.shape == (4,)
 
 
-def test_an_incomplete_condition_is_refused_in_one_sentence() -> None:
-    with pytest.raises(ValueError, match="missing cable_diameter, weight or nominal_stress"):
-        cw.predict(cw.Condition(case=0, cylinder_diameter=40e-3))
+CASE_4 = cw.Condition(case=4)
+DRUM = cw.DrumPlanParameters(drum_width=0.06, flange=0.02)
 
 
-def test_conditions_and_runs_must_pair() -> None:
-    with pytest.raises(ValueError, match="2 runs need as many conditions, got 1"):
-        cw.identify([SHORT], ["one", "two"])
+@pytest.mark.parametrize(
+    ("ask", "sentence"),
+    [
+        (lambda: cw.predict(cw.Condition(case=0, cylinder_diameter=40e-3)),
+         "missing cable_diameter, weight or nominal_stress"),
+        (lambda: cw.identify([SHORT], ["one", "two"]), "2 runs need as many conditions, got 1"),
+        (lambda: cw.plan(CASE_4, "lay.yaml", turns=3), "leave them out with a program"),
+        (lambda: cw.plan(CASE_4, pitch=0.018, turns=4, drum=DRUM),
+         r"would leave the drum after 3\.111 turns"),
+        (lambda: cw.plan(CASE_4, turns=4, drum=dataclasses.replace(DRUM, layers=2)),
+         "a drum has a program of its own"),
+        (lambda: cw.Correction().predict(cw.load_lengths()[0]),
+         "not fitted: call fit or load first"),
+        (lambda: cw.track(Path(__file__).parent, CASE_4), "brings no camera: give camera="),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_is_refused_in_a_sentence(ask: Callable[[], Any], sentence: str) -> None:
+    with pytest.raises(ValueError, match=sentence):
+        ask()
 
 
 def test_a_planned_helix_lies_where_it_is_wanted() -> None:
@@ -92,11 +107,6 @@ def test_a_planned_helix_lies_where_it_is_wanted() -> None:
     assert abs(found.residual).max() < 1e-9
     assert found.landings == {n: pytest.approx(2.0 * np.pi * n, abs=1e-3) for n in (1, 2, 3, 4)}
     assert found.warnings == ()
-
-
-def test_a_program_excludes_the_options_of_a_helix() -> None:
-    with pytest.raises(ValueError, match="leave them out with a program"):
-        cw.plan(cw.Condition(case=4), "lay.yaml", turns=3)
 
 
 def test_a_drum_is_planned_layer_by_layer() -> None:
@@ -112,15 +122,6 @@ def test_a_drum_is_planned_layer_by_layer() -> None:
     speed = np.gradient(found.cylinder, found.t)
     middle = speed[found.t.size // 6], speed[found.t.size // 2], speed[5 * found.t.size // 6]
     assert middle[0] > middle[1] > middle[2] > 0.0
-
-
-def test_a_plan_beside_the_drum_is_refused() -> None:
-    drum = cw.DrumPlanParameters(drum_width=0.06, flange=0.02)
-    with pytest.raises(ValueError, match=r"would leave the drum after 3\.111 turns"):
-        cw.plan(cw.Condition(case=4), pitch=0.018, turns=4, drum=drum)
-    layered = cw.DrumPlanParameters(drum_width=0.06, flange=0.02, layers=2)
-    with pytest.raises(ValueError, match="a drum has a program of its own"):
-        cw.plan(cw.Condition(case=4), turns=4, drum=layered)
 
 
 def test_a_tensile_test_is_fitted_by_every_law() -> None:
@@ -195,12 +196,6 @@ def test_a_fit_learns_the_rig_and_is_stored(tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.predict(x), own.predict(x))
 
 
-def test_an_unfitted_correction_refuses_to_predict() -> None:
-    x, _, _ = cw.load_lengths()
-    with pytest.raises(ValueError, match="not fitted: call fit or load first"):
-        cw.Correction().predict(x)
-
-
 @pytest.mark.parametrize("wrong", [np.zeros(6), np.zeros((3, 5))], ids=["flat", "narrow"])
 def test_a_wrong_shape_is_refused(shipped: cw.Correction, wrong: np.ndarray) -> None:
     with pytest.raises(ValueError, match="X must have the columns cylinder_diameter"):
@@ -208,10 +203,7 @@ def test_a_wrong_shape_is_refused(shipped: cw.Correction, wrong: np.ndarray) -> 
 
 
 def test_an_import_brings_nothing_that_is_not_used() -> None:
-    finished = subprocess.run(
-        [sys.executable, "-c", PROBE], capture_output=True, text=True, check=True, timeout=60.0
-    )
-    assert json.loads(finished.stdout) == []
+    assert json.loads(python(PROBE, check=True, timeout=60.0).stdout) == []
 
 
 def test_the_version_is_that_of_the_project() -> None:
@@ -288,11 +280,6 @@ def test_what_is_no_run_is_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "run.json").write_text(text, encoding="utf-8")
     with pytest.raises(ValueError, match="is not the record of a run"):
         cw.read_run(tmp_path)
-
-
-def test_a_film_without_a_camera_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="brings no camera: give camera="):
-        cw.track(tmp_path, cw.Condition(case=4))
 
 
 def test_markers_of_a_message_are_read_by_their_fields() -> None:

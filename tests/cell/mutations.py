@@ -40,8 +40,6 @@ LINES = VALID.splitlines()
 
 
 class Wrong(NamedTuple):
-    """One wrong file."""
-
     name: str
     content: bytes
     line: int  # Where it is wrong; a refusal names it

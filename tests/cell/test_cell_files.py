@@ -4,7 +4,6 @@ import contextlib
 import json
 import random
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -51,13 +50,10 @@ def test_there_are_a_hundred_wrong_files_and_no_two_are_alike() -> None:
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda wrong: wrong.name)
-def test_a_wrong_file_is_refused_with_its_line_before_anything_moves(
-    wrong: Wrong, cell: Path
-) -> None:
+def test_a_wrong_file_is_refused_with_its_line_before_a_move(wrong: Wrong, cell: Path) -> None:
     cell.write_bytes(wrong.content)
     before = sorted(cell.parent.rglob("*"))
-    refused = winding(cell.parent, "run", "cell.yaml")
-    assert refused.exit_code == 2, refused.output
+    refused = winding(cell.parent, "run", "cell.yaml", code=2)
     assert re.match(f"winding: cell.yaml, line {wrong.line}, column [0-9]+: .", refused.stderr)
     assert wrong.words in refused.stderr
     assert refused.stderr.count("\n") == 1
@@ -115,7 +111,7 @@ def test_an_option_wins_over_the_file(cell: Path) -> None:
 
 
 def test_a_new_cell_file_is_the_usual_run_and_each_of_its_comments_is_an_option(cell: Path) -> None:
-    assert winding(cell.parent, "cell", "init", "new.yaml").exit_code == 0
+    winding(cell.parent, "cell", "init", "new.yaml", code=0)
     again = winding(cell.parent, "cell", "init", "new.yaml")
     assert (again.exit_code, "exists already" in again.stderr) == (2, True)
     new = cell.parent / "new.yaml"
@@ -138,9 +134,7 @@ def option_in(line: str) -> str:
 
 
 def test_check_prints_what_the_file_means(cell: Path) -> None:
-    done = winding(cell.parent, "cell", "check", "cell.yaml")
-    assert done.exit_code == 0, done.output
-    shown = " ".join(done.stdout.split())
+    shown = " ".join(winding(cell.parent, "cell", "check", "cell.yaml", code=0).stdout.split())
     for words in (
         "an own condition: cylinder", "young_mpa 3.1", "1.74 rad/s for 1.5 s",
         "simulated, its cable lies as fem; with a camera", "speed 0, seed 11", "frame_rate 1000",
@@ -179,17 +173,14 @@ def test_no_text_ends_in_anything_but_a_refusal(cell: Path) -> None:
 @pytest.mark.processes
 @pytest.mark.slow
 @pytest.mark.timeout(900)
-def test_a_run_of_a_file_leaves_the_numbers_of_its_options(
-    cell: Path, command: Callable[..., Any]
-) -> None:
+def test_a_run_of_a_file_leaves_the_numbers_of_its_options(cell: Path, command: Any) -> None:
     # What is recorded of a wanted lay differs from run to run with what the computer does beside.
     left_out = ("control", "pitch_mm", "lay_tolerance_mm", "error_limit_pct", "output")
     options = {key: value for key, value in FLAT.items() if key not in left_out}
     cell.write_text(RunSpec.from_cell(None, options).text(), encoding="utf-8")
     numbers = []
     for name, words in (("filed", ["cell.yaml"]), ("typed", words_of(options))):
-        done = command("run", *words, "--output", name, cwd=cell.parent)
-        assert done.returncode == 0, done.stderr
+        command("run", *words, "--output", name, cwd=cell.parent, code=0)
         numbers.append(json.loads((cell.parent / name / "run.json").read_text("utf-8")))
     filed, typed = ({**found, "identity": None, "wall_s": None} for found in numbers)
     assert filed == typed

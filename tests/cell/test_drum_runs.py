@@ -17,8 +17,7 @@ FILLED = {**DRUM, "layers": 3}
 
 
 def config_of(folder: Path, **options: Any) -> Any:
-    spec = RunSpec.from_cell(None, {**options, "output": folder / "run"}, spelled)
-    return configured(spec, {})
+    return configured(RunSpec.from_cell(None, {**options, "output": folder / "run"}, spelled), {})
 
 
 def test_a_drum_is_driven_until_it_is_full(tmp_path: Path) -> None:
@@ -67,9 +66,7 @@ def test_a_helix_within_the_flanges_is_a_run_on_a_drum(tmp_path: Path) -> None:
         ({"case": 9, "layers": 3}, "--drum-width-mm is missing"),
     ],
 )
-def test_what_no_drum_takes_is_refused_in_a_sentence(
-    tmp_path: Path, options: dict[str, Any], sentence: str
-) -> None:
+def test_bad_drums_are_refused(tmp_path: Path, options: dict[str, Any], sentence: str) -> None:
     with pytest.raises(ParameterError) as caught:
         config_of(tmp_path, **options)
     assert sentence in str(caught.value)
@@ -78,7 +75,6 @@ def test_what_no_drum_takes_is_refused_in_a_sentence(
 
 def test_turns_follow_from_width_and_pitch() -> None:
     wound = RunSpec.from_cell(None, {**FILLED, "pitch_mm": 5.0}).wound_drum
-    assert wound is not None
     # 34 mm hold 7 turns 5 mm apart, and none of half a pitch more: every other layer has 6.
     assert [layer.z.size for layer in wound.layers] == [7, 6, 7]
     assert math.isclose(wound.pitch, 5.0e-3)

@@ -12,10 +12,12 @@ from typer.testing import CliRunner, Result
 from winding_cli.app import app
 
 
-def winding(folder: Path, *words: object) -> Result:
-    """Run a command in a folder."""
+def winding(folder: Path, *words: object, code: int | None = None) -> Result:
+    """Run a command in a folder; where an exit code is given, it must end with that."""
     with contextlib.chdir(folder):
-        return CliRunner().invoke(app, [*map(str, words)])
+        done = CliRunner().invoke(app, [*map(str, words)])
+    assert code in (None, done.exit_code), done.output
+    return done
 
 
 def schema(name: str, package: str = "winding_cli") -> Draft202012Validator:

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from processes import COMMAND
+from processes import COMMAND, ran
 from winding_recorder.bags.check import check
 from winding_recorder.bags.contents import contents
 from winding_ros.graph import GRAPH, RIG
@@ -67,15 +67,8 @@ def bridge() -> Iterator[None]:
 
 def run_inside(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
     """Run `winding run` in the last network."""
-    return subprocess.run(
-        [*inside(len(GRAPH)), *(*COMMAND, "run", "--attach", "--case", "4", *options)],
-        cwd=folder,
-        env={**os.environ, **ENVIRONMENT},
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
+    words = (*inside(len(GRAPH)), *COMMAND, "run", "--attach", "--case", "4", *options)
+    return ran(*words, cwd=folder, env={**os.environ, **ENVIRONMENT}, timeout=240)
 
 
 @pytest.mark.usefixtures("bridge")
@@ -83,8 +76,7 @@ def test_nothing_is_lost_between_containers(keep_nodes: Callable[..., Any], tmp_
     nodes = keep_nodes(tmp_path, inside, ENVIRONMENT)
     done = run_inside(tmp_path, "--namespace", nodes.namespace, "--duration-s", "3", "--bag", "bag")
     assert done.returncode == 0, done.stderr
-    verdict = check(tmp_path / "bag")
-    assert verdict.findings == []
+    assert check(tmp_path / "bag").findings == []
     frames = {topic.name: topic.messages for topic in contents(tmp_path / "bag").topics}
     assert frames[f"/{nodes.namespace}/camera/image_raw"] == 601
     assert frames[f"/{nodes.namespace}/rig/joint_states"] == 3001

@@ -135,34 +135,20 @@ def _numbered(*ids: int) -> Markers:
         (_with_length(np.inf), [0, 1, 3, 4], "marker 2 has no usable length, got inf m"),
         (_with_length(-0.1), [0, 1, 3, 4], "marker 2 has no usable length, got -0.1 m"),
         # P2 of case 7 is 400 mm of cable; a marker of 5 % less may be thinning.
-        (
-            _with_length(0.37),
-            [0, 1, 3, 4],
-            "marker 2 is shorter than physics allows: 0.37 m of cable that measures 0.4 m",
-        ),
-        (
-            _with_length(1.7),
-            [0, 1, 3, 4],
-            "marker 2 is longer than the material's tables reach: 1.7 m of cable that measures",
-        ),
-        (
-            _with_length(1.01 * _markers()["s"][3]),
-            [0, 1, 2, 4],
-            "marker 3 lies before marker 2: 0.5885 m against 0.5944 m",
-        ),
+        (_with_length(0.37), [0, 1, 3, 4],
+         "marker 2 is shorter than physics allows: 0.37 m of cable that measures 0.4 m"),
+        (_with_length(1.7), [0, 1, 3, 4],
+         "marker 2 is longer than the material's tables reach: 1.7 m of cable that measures"),
+        (_with_length(1.01 * _markers()["s"][3]), [0, 1, 2, 4],
+         "marker 3 lies before marker 2: 0.5885 m against 0.5944 m"),
         (_markers()[[0, 1, 2, 2, 3]], [0, 1, 2, 3], "marker 2 stands twice"),
         (_numbered(0, 1, 2, 3, 9), [0, 1, 2, 3], "marker 9 does not exist: this cable has 4"),
-        (
-            _markers()[[0, 1, 3, 4]],
-            [0, 1, 3, 4],
-            "marker 2 is missing, though a later one is wound",
-        ),
+        (_markers()[[0, 1, 3, 4]], [0, 1, 3, 4],
+         "marker 2 is missing, though a later one is wound"),
     ],
     ids=lambda value: value if isinstance(value, str) else "",
-)
-def test_a_marker_that_cannot_be_is_refused_by_name(
-    markers: Markers, kept: list[int], sentence: str
-) -> None:
+)  # fmt: skip
+def test_an_impossible_marker_is_refused(markers: Markers, kept: list[int], sentence: str) -> None:
     assert CORRECTOR.correct(markers, CASE)["id"].tolist() == kept
     assert CORRECTOR.refusals(markers, CASE)[0].startswith(sentence)
 

@@ -70,16 +70,6 @@ def test_every_prediction_is_answered_with_its_stamp(ros: Any) -> None:
     np.testing.assert_allclose(stamps, 0.02 * np.arange(5), atol=1e-9)
 
 
-def test_corrected_length_is_weight_times_prediction_within_its_interval(ros: Any) -> None:
-    bench = Bench(ros, case=4)
-    bench.fem.publish(encode_cloud(1.0, measured(4, 2)))
-    ros.spin_until(lambda: bench.corrected)
-    _, markers = decode_cloud(bench.corrected[0], CORRECTED_DTYPE)
-    assert markers["id"].tolist() == [1, 2]
-    np.testing.assert_allclose(markers["s"], markers["h"] * markers["s_fem"], rtol=1e-12)
-    assert ((markers["s_low"] < markers["s"]) & (markers["s"] < markers["s_high"])).all()
-
-
 def test_case_is_named_when_a_further_marker_is_measured_and_not_before(ros: Any) -> None:
     bench = Bench(ros, case=8)
     ros.spin_until(lambda: len(bench.votes) == 1)

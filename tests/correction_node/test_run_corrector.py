@@ -70,7 +70,6 @@ def test_markers_ahead_follow_the_law_of_the_measured_ones(run: RunCorrector) ->
         expected = LAW.length_ahead(
             marker, spacing=CASE.marker_spacing, predicted=S_FEM, measured=S_EXP[:2]
         )
-        assert expected is not None
         assert corrected["s"][marker - 1] == pytest.approx(expected.s, rel=1e-12)
         half = 0.5 * (corrected["s_high"] - corrected["s_low"])[marker - 1]
         assert half == pytest.approx(LAW.half_width(expected), rel=1e-9)
@@ -116,13 +115,10 @@ def test_intervals_narrow_as_more_is_measured(run: RunCorrector) -> None:
 
 def test_a_measurement_never_corrects_its_own_marker(run: RunCorrector, untouched: Markers) -> None:
     frames(run, S_EXP[:1])
-    corrected = run.correct(LATER, records(S_FEM))
-    assert corrected["s"][0] == untouched["s"][0]
+    assert run.correct(LATER, records(S_FEM))["s"][0] == untouched["s"][0]
 
 
-def test_a_marker_counts_when_enough_frames_have_seen_it(
-    run: RunCorrector, untouched: Markers
-) -> None:
+def test_a_marker_counts_once_enough_frames_saw_it(run: RunCorrector, untouched: Markers) -> None:
     frames(run, S_EXP[:1], SETTLED_FRAMES - 1)
     np.testing.assert_array_equal(run.correct(LATER, records(S_FEM)), untouched)
     frames(run, S_EXP[:1], 1)
@@ -174,14 +170,11 @@ def test_time_that_goes_back_begins_a_new_run(run: RunCorrector) -> None:
     assert run.measured.seen == {1}
 
 
-def test_a_marker_that_stays_far_from_what_is_expected_is_rejected_and_reported(
-    run: RunCorrector,
-) -> None:
+def test_a_marker_that_stays_far_off_is_rejected_and_reported(run: RunCorrector) -> None:
     frames(run, S_EXP[:2])
     before = run.correct(LATER, records(S_FEM))
     frames(run, [*S_EXP[:2], S_EXP[1] + 1.5 * CASE.marker_spacing])
-    after = run.correct(LATER, records(S_FEM))
-    np.testing.assert_array_equal(after, before)
+    np.testing.assert_array_equal(run.correct(LATER, records(S_FEM)), before)
     assert run.basis == (1, 2)
     assert any("marker 3 measured at" in refusal for refusal in run.refusals)
 
@@ -208,17 +201,7 @@ def test_what_no_cable_can_be_is_counted_and_not_used(
     assert run.basis == basis
 
 
-@pytest.mark.parametrize(
-    "flag",
-    [
-        MarkerFlag.OCCLUDED,
-        MarkerFlag.CLIPPED,
-        MarkerFlag.TOUCHING,
-        MarkerFlag.SLIPPED,
-        MarkerFlag.PREDICTED,
-        MarkerFlag.NOT_WOUND,
-    ],
-)
+@pytest.mark.parametrize("flag", MarkerFlag)
 def test_a_flagged_marker_is_no_measurement_and_no_fault(
     run: RunCorrector, untouched: Markers, flag: MarkerFlag
 ) -> None:
@@ -251,8 +234,7 @@ def test_a_hidden_marker_is_bridged(run: RunCorrector) -> None:
 
 def test_an_unusable_prediction_is_refused_and_the_others_are_corrected(run: RunCorrector) -> None:
     frames(run, S_EXP[:1])
-    corrected = run.correct(LATER, records([S_FEM[0], np.nan, S_FEM[2]]))
-    assert corrected["id"].tolist() == [1, 3]
+    assert run.correct(LATER, records([S_FEM[0], np.nan, S_FEM[2]]))["id"].tolist() == [1, 3]
     assert any("marker 2" in refusal for refusal in run.refusals)
 
 
@@ -300,6 +282,4 @@ def test_outside_the_trained_conditions_bounds_within_the_run_are_doubled() -> N
 
 def test_a_spacing_outside_the_training_data_is_reported() -> None:
     case = Case(cylinder_diameter=0.03, cable_diameter=0.004, weight=2.0, marker_spacing=0.02)
-    outside = RunCorrector(CORRECTOR, LAW, case).outside
-    assert outside is not None
-    assert "marker_spacing 0.02 m" in outside
+    assert "marker_spacing 0.02 m" in RunCorrector(CORRECTOR, LAW, case).outside

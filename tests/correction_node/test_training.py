@@ -144,42 +144,39 @@ def test_a_wrong_configuration_is_refused() -> None:
             TrainingConfig(**change)  # type: ignore[arg-type]
 
 
-@pytest.fixture
-def command() -> typer.Typer:
+def trained(*words: object, code: int = 0) -> str:
+    """Return what the command prints, which ends with a code."""
     app = typer.Typer()
     app.command()(train_command)
-    return app
+    done = CliRunner().invoke(app, [*map(str, words)])
+    assert done.exit_code == code, done.output
+    return done.output
 
 
-def test_training_writes_weights_and_prints_their_held_out_error(command, tmp_path) -> None:
+def test_training_writes_weights_and_prints_their_held_out_error(tmp_path) -> None:
     out = tmp_path / "mine"
-    done = CliRunner().invoke(
-        command, f"--model network --data paper --steps 2 --seed 5 --output {out}".split()
+    printed = trained(
+        *("--model", "network", "--data", "paper", "--steps", 2, "--seed", 5, "--output", out)
     )
-    assert done.exit_code == 0, done.output
     assert load_factor(out).card["training"]["seed"] == 5
     for text in ("leave one case out", "network", "ridge", "On cases left out"):
-        assert text in done.output
+        assert text in printed
 
 
 @pytest.mark.slow
-def test_comparing_prints_every_model_and_writes_nothing(command, tmp_path, monkeypatch) -> None:
+def test_comparing_prints_every_model_and_writes_nothing(tmp_path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
-    done = CliRunner().invoke(command, ["--compare", "--steps", "2", "--output", "mine"])
-    assert done.exit_code == 0, done.output
+    printed = trained("--compare", "--steps", 2, "--output", "mine")
     for name in (*LEARNERS, *BASELINES, ONE_H_PER_CASE):
-        assert name in done.output
+        assert name in printed
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["rod_rig", "rod_marker_network"])
-def test_a_shipped_weight_comes_out_of_its_model_again(command, tmp_path, name) -> None:
+def test_a_shipped_weight_comes_out_of_its_model_again(tmp_path, name) -> None:
     data, model = SHIPPED[name]
-    done = CliRunner().invoke(
-        command, ["--data", data, "--model", model, "--output", str(tmp_path)]
-    )
-    assert done.exit_code == 0, done.output
+    trained("--data", data, "--model", model, "--output", tmp_path)
     shipped, again = load_factor(weights_directory(name)), load_factor(tmp_path)
     for case in paper_cases():
         # Bits are equal on one machine; another processor may round sums in another order.
@@ -199,30 +196,23 @@ def test_a_shipped_weight_comes_out_of_its_model_again(command, tmp_path, name) 
         (["--data", "paper", "--steps", "0"], "--steps"),
     ],
 )
-def test_what_cannot_be_trained_is_refused(command, arguments, sentence) -> None:
-    refused = CliRunner().invoke(command, arguments)
-    assert refused.exit_code == 2
-    assert sentence in refused.output
+def test_what_cannot_be_trained_is_refused(arguments, sentence) -> None:
+    assert sentence in trained(*arguments, code=2)
 
 
-def test_data_of_ones_own_needs_a_folder_of_ones_own(command, tmp_path) -> None:
+def test_data_of_ones_own_needs_a_folder_of_ones_own(tmp_path) -> None:
     from correction_node.models.dataset import format_lengths, load_data_set
 
     path = tmp_path / "own.csv"
     path.write_text(format_lengths((c.case, c.marker, c.s_fem) for c in load_data_set("rod").cells))
-    refused = CliRunner().invoke(command, ["--data", str(path)])
-    assert refused.exit_code == 2
-    assert "give --output" in refused.output
+    assert "give --output" in trained("--data", path, code=2)
 
 
 @pytest.mark.parametrize("name", ["torch", "sklearn"])
-def test_training_without_its_libraries_names_what_to_install(command, monkeypatch, name) -> None:
+def test_training_without_its_libraries_names_what_to_install(monkeypatch, name) -> None:
     monkeypatch.setitem(sys.modules, name, None)
-    refused = CliRunner().invoke(command, [])
-    assert refused.exit_code == 2
-    assert (
-        f"training models needs {name}: pip install 'cable-winding-twin[train]'" in refused.output
-    )
+    needed = f"training models needs {name}: pip install 'cable-winding-twin[train]'"
+    assert needed in trained(code=2)
 
 
 def test_no_correction_has_the_papers_raw_error() -> None:
@@ -341,6 +331,5 @@ def test_a_condition_outside_is_named() -> None:
         ("weight", 30.0),
     ]:
         outside = BOX.outside(dataclasses.replace(paper_case(4), number=0, **{name: value}))
-        assert outside is not None
         assert name in outside
         assert "no correction" in outside

@@ -61,7 +61,6 @@ def test_a_run_that_builds_up_by_the_law_is_continued_exactly() -> None:
         measured = np.full(4, np.nan)
         measured[list(known)] = lengths[list(known)]
         found = LAW.length_ahead(4, spacing=SPACING, predicted=UNDEFORMED, measured=measured)
-        assert found is not None
         assert found.s == pytest.approx(lengths[3], rel=1e-12)
         assert found.ahead == pytest.approx(lengths[3] - lengths[max(known)], rel=1e-12)
         assert found.measured == len(known)
@@ -91,7 +90,6 @@ def test_the_solver_carries_what_it_knows_of_the_machine() -> None:
     # The same run, but the weight is doubled after P2: the solver's later increments grow.
     predicted = np.array([0.1, 0.2, 0.32, 0.44])
     found = LAW.length_ahead(4, spacing=SPACING, predicted=predicted, measured=1.1 * predicted[:2])
-    assert found is not None
     assert found.s == pytest.approx(1.1 * predicted[3], rel=1e-12)
 
 
@@ -109,9 +107,7 @@ def test_the_build_up_length_is_found_in_runs_that_have_one() -> None:
 
 
 @pytest.mark.slow
-def test_third_and_fourth_marker_of_the_published_runs_are_predicted(
-    scored: WithinRunScore,
-) -> None:
+def test_third_and_fourth_marker_of_published_runs_are_predicted(scored: WithinRunScore) -> None:
     assert len(scored.cells) == 21
     assert scored.held_out_pct <= 1.0
     assert scored.held_out_pct < min(scored.rivals_pct.values())
@@ -160,8 +156,7 @@ def test_a_held_out_case_does_not_move_its_own_prediction() -> None:
 
 @pytest.mark.slow
 def test_more_measured_markers_predict_better_with_narrower_bounds(scored: WithinRunScore) -> None:
-    with_three = score_within_run(CELLS, 3)
-    assert with_three.held_out_pct < scored.by_marker_pct[4]
+    assert score_within_run(CELLS, 3).held_out_pct < scored.by_marker_pct[4]
     law = published_within_run()
     assert list(law.relative_bounds) == sorted(law.relative_bounds, reverse=True)
     runs = run_table(CELLS)
@@ -195,7 +190,6 @@ def test_nothing_is_left_to_predict_after_the_last_marker() -> None:
 
 def test_bound_of_too_few_markers_is_refused() -> None:
     found = LAW.length_ahead(3, spacing=SPACING, predicted=UNDEFORMED, measured=[0.11, 0.22])
-    assert found is not None
     lonely = type(found)(s=found.s, ahead=found.ahead, measured=1)
     with pytest.raises(ValueError, match="needs 2 measured markers, got 1"):
         LAW.half_width(lonely)

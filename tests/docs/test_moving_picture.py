@@ -1,7 +1,6 @@
 """The moving picture of the README, and the program that makes it."""
 
 import itertools
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,8 @@ import pytest
 from chromium import CHROMIUM
 from PIL import Image
 
+from processes import ran
+
 ROOT = Path(__file__).parents[2]
 PROGRAM = ROOT / "docs" / "images" / "moving_picture.py"
 SHOWN = ROOT / "docs" / "images" / "run-case-4.webp"
@@ -19,14 +20,7 @@ LARGEST = 2_000_000  # Of a forge
 
 
 def make(*arguments: object, folder: Path) -> Image.Image:
-    finished = subprocess.run(
-        [sys.executable, str(PROGRAM), *map(str, arguments)],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=240.0,
-        check=False,
-    )
+    finished = ran(sys.executable, PROGRAM, *arguments, cwd=folder, timeout=240.0)
     assert finished.returncode == 0, finished.stderr
     return Image.open(folder / "made.webp")
 
@@ -54,7 +48,6 @@ def test_the_readme_begins_with_a_loop() -> None:
 
 @pytest.mark.campaign
 @pytest.mark.processes
-@pytest.mark.slow
 def test_a_recording_becomes_a_moving_picture(recorded_run: Any, tmp_path: Path) -> None:
     found = frames(make("run", recorded_run.bag, "made.webp", folder=tmp_path))
     # One every tenth of a second, both ends included; equal ones would be one.
@@ -69,7 +62,6 @@ def test_a_recording_becomes_a_moving_picture(recorded_run: Any, tmp_path: Path)
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.skipif(not CHROMIUM.exists(), reason="needs Chromium")
 def test_a_page_becomes_a_moving_picture(tmp_path: Path) -> None:
     page = tmp_path / "page.html"

@@ -35,7 +35,6 @@ def table(page: str, after: str) -> dict[str, list[str]]:
     """Return the cells of the first table behind a text, by the first cell of each row."""
     text = (DOCS / page).read_text(encoding="utf-8").split(after, 1)[1]
     rows = re.search(r"(?:^\|.*\|\n)+", text, re.MULTILINE)
-    assert rows is not None
     cells = [[cell.strip() for cell in row.strip("|").split("|")] for row in rows[0].splitlines()]
     return {first: rest for first, *rest in cells[2:]}
 
@@ -146,9 +145,7 @@ def test_the_solver_s_page_counts_the_laws() -> None:
     assert f"{words[len(LAWS)]} material laws" in (DOCS / "solver.md").read_text(encoding="utf-8")
 
 
-def test_a_table_of_a_hundred_and_fifty_columns_is_whole_in_a_pipe(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_table_of_150_columns_is_whole_in_a_pipe(monkeypatch: pytest.MonkeyPatch) -> None:
     pipe = io.StringIO()
     monkeypatch.setattr("sys.stdout", pipe)
     result_console().print(Table(WIDE, WIDE.upper()))

@@ -57,14 +57,12 @@ def commands(page: Path) -> Iterator[str]:
 
 
 def local_links(page: Path) -> list[str]:
-    """Return the links of a page to files and headings of the repository."""
     text = re.sub(r"```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
     targets = re.findall(r"\]\(([^)\s]+)\)", text)
     return [target for target in targets if not re.match(r"[a-z]+:", target)]
 
 
 def broken_links(page: Path) -> Iterator[str]:
-    """Yield every link of a page to a file or heading that does not exist."""
     for target in local_links(page):
         name, _, anchor = target.partition("#")
         path = (page.parent / name).resolve() if name else page

@@ -2,7 +2,6 @@
 
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from html.parser import HTMLParser
@@ -11,6 +10,8 @@ from pathlib import Path
 import pytest
 from accessibility import grave_findings, opened
 from chromium import chromium
+
+from processes import ran
 
 pytestmark = pytest.mark.slow
 
@@ -70,15 +71,12 @@ class CodeBlocks(HTMLParser):
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("site")
     configuration = ROOT / "site" / "mkdocs.yml"
-    finished = subprocess.run(
+    finished = ran(
         # With --quiet no warning is counted, and --strict has nothing to fail on.
-        [sys.executable, "-m", "mkdocs", "build", "--strict",
-         "--config-file", str(configuration), "--site-dir", str(folder)],
+        *(sys.executable, "-m", "mkdocs", "build", "--strict"),
+        *("--config-file", configuration, "--site-dir", folder),
         env={**os.environ, "NO_MKDOCS_2_WARNING": "1"},
-        capture_output=True,
-        text=True,
-        check=False,
-    )  # fmt: skip
+    )
     assert finished.returncode == 0, finished.stderr
     return folder
 

@@ -32,7 +32,6 @@ def test_the_newcomer_gets_a_picture_a_cable_a_film_and_a_recording(shell_blocks
 
 
 @pytest.mark.processes
-@pytest.mark.slow
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
 def test_the_tutorial_works_when_pasted(page: Path, tmp_path: Path, shell_blocks: Blocks) -> None:

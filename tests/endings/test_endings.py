@@ -175,7 +175,6 @@ def test_an_ending_has_one_outcome_wherever_it_is_read(name: str, tmp_path: Path
         trial = Trial(plan, folder, f"ending{list(KINDS).index(name)}", DRIVER)
         account = await trial.conduct()
         assert disagreements(plan, account) == [], account.printed
-        assert account.run is not None
         outcome = account.run["outcome"]
         found = (outcome["ended_by"], outcome["verdict"], outcome["machine"], account.code)
         assert found == (kind.ended_by, kind.verdict, kind.machine, kind.code), account.printed
@@ -200,8 +199,6 @@ def test_an_ending_has_one_outcome_wherever_it_is_read(name: str, tmp_path: Path
             np.testing.assert_allclose(gaps, 1.0e-3, atol=1.0e-6)
         goal = Goal(id=uuid.uuid4(), accepted_ns=0, folder=folder / "run")
         goal.state = GoalState.ABORTED
-        result = goal.result()
-        assert result is not None
-        assert result["outcome"] == outcome
+        assert goal.result()["outcome"] == outcome
 
     asyncio.run(conduct())

@@ -43,35 +43,21 @@ REFUSED: list[tuple[list[object], str]] = [
     (["--case", 4, "--namespace", "a b"], "namespace must be made of letters"),
     (["--case", 4, "--parameters", "absent.yaml"], "--parameters: there is no file absent.yaml"),
     (["--case", 4, "--speed", -1], "--speed must be at least 0, got -1"),
-    (
-        ["--case", 4, "--lay", "driven", "--compose", "camera"],
-        "--lay driven is shown by the rig's own camera alone",
-    ),
+    (["--case", 4, "--lay", "driven", "--compose", "camera"],
+     "--lay driven is shown by the rig's own camera alone"),
     (["--case", 4, "--element", "shell"], "--element must be one of rod, solid, got 'shell'"),
-    (
-        ["--case", 4, "--element", "solid", "--prony", "0.2:1.5"],
-        "the solid element knows elastic cables alone: leave out prony",
-    ),
-    (
-        ["--case", 4, "--element", "solid", "--axial-factor", 0.9],
-        "the solid element has no separate stiffnesses: axial_factor must be 1, got 0.9",
-    ),
-    (
-        ["--case", 4, "--element", "solid", "--law", "hencky_cauchy"],
-        "the solid element needs a law with stored energy: take law hencky",
-    ),
-    (
-        ["--case", 4, "--element", "solid", "--feed-mm-s", 1],
-        "the guide advances 3.61 mm per turn and the cable lags behind it",
-    ),
-    (
-        ["--case", 4, "--element", "solid", "--machine", "external", "--turns", 2],
-        "an external machine cannot wait for element solid",
-    ),
-    (
-        ["--case", 4, "--element", "solid", "--parameters", "taking_up.yaml"],
-        "take_up_material goes on with a rod of the identified modulus: leave it out",
-    ),
+    (["--case", 4, "--element", "solid", "--prony", "0.2:1.5"],
+     "the solid element knows elastic cables alone: leave out prony"),
+    (["--case", 4, "--element", "solid", "--axial-factor", 0.9],
+     "the solid element has no separate stiffnesses: axial_factor must be 1, got 0.9"),
+    (["--case", 4, "--element", "solid", "--law", "hencky_cauchy"],
+     "the solid element needs a law with stored energy: take law hencky"),
+    (["--case", 4, "--element", "solid", "--feed-mm-s", 1],
+     "the guide advances 3.61 mm per turn and the cable lags behind it"),
+    (["--case", 4, "--element", "solid", "--machine", "external", "--turns", 2],
+     "an external machine cannot wait for element solid"),
+    (["--case", 4, "--element", "solid", "--parameters", "taking_up.yaml"],
+     "take_up_material goes on with a rod of the identified modulus: leave it out"),
     (["--case", 4, "--lay", "silk"], "lay must be one of paper, fem, driven, got 'silk'"),
     (["--case", 4, "--weights", "nowhere"], "no trained weights at nowhere"),
     (["--case", 4, "--weights", "damaged"], "damaged/weights.safetensors does not match its card"),
@@ -84,7 +70,7 @@ REFUSED: list[tuple[list[object], str]] = [
     (["--case", 4, "--report", "a_file"], "a_file is not a folder"),
     (["--case", 4, "--json", "damaged"], "damaged is a folder, not a file"),
     (["--case", 4, "--truth", "damaged"], "damaged is a folder, not a file"),
-]
+]  # fmt: skip
 
 
 @pytest.fixture
@@ -107,9 +93,7 @@ def given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("arguments", "sentence"), REFUSED)
-def test_bad_input_is_refused_in_one_sentence_before_anything_starts(
-    given: Path, arguments: list[object], sentence: str
-) -> None:
+def test_bad_input_is_refused_at_once(given: Path, arguments: list[object], sentence: str) -> None:
     before = sorted(given.rglob("*"))
     refused = CliRunner().invoke(app, ["run", *map(str, arguments)])
     assert refused.exit_code == 2, refused.stderr

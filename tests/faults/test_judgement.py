@@ -125,9 +125,7 @@ def test_haste_shows_in_the_exit_code_of_whatever_ends(names: str, agrees: bool)
         ("kill correction", "standing", False),
     ],
 )
-def test_a_machine_may_be_silenced_after_it_was_seen_standing(
-    what: str, last: str, agrees: bool
-) -> None:
+def test_a_machine_may_be_silenced_once_seen_standing(what: str, last: str, agrees: bool) -> None:
     whole = account(motion="unknown", last_motion=last)
     whole.seen["notes"].insert(1, {"what": what, "at": 103.0, "turns": 0.66})
     assert (disagreements(PLAN, whole) == []) is agrees
@@ -182,9 +180,7 @@ def test_a_row_that_the_table_does_not_have_is_refused() -> None:
     assert result.stderr == "winding: no row of the fault table contains 'earthquake'\n"
 
 
-def test_a_row_that_raises_has_failed_and_the_next_is_tried(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_row_that_raises_fails_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     async def conduct(trial: Trial) -> Account:
         if trial.plan.name == "broken":
             raise ZeroDivisionError("of its own")

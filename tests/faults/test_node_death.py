@@ -12,7 +12,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from processes import COMMAND, until
+from processes import COMMAND, in_namespace, ran, until
 from winding_ros.graph import DEFAULT_NAMESPACE
 from winding_ros.runtime.process import SUPERVISED
 from winding_supervisor.session.domain_lock import DomainError, domain_lock
@@ -170,11 +170,6 @@ def test_run_that_is_interrupted_twice_at_any_moment_leaves_nothing_behind() -> 
 def test_node_ends_when_its_supervisor_died_while_it_started(tmp_path: Path) -> None:
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
-    node = subprocess.run(
-        [sys.executable, "-m", "correction_node", "--ros-args", "-r", "__ns:=/orphan"],
-        cwd=tmp_path,
-        env={**os.environ, SUPERVISED: str(gone.pid)},
-        timeout=PATIENCE,
-        check=False,
-    )
-    assert node.returncode == 0
+    words = (sys.executable, "-m", "correction_node", *in_namespace("orphan"))
+    own = {**os.environ, SUPERVISED: str(gone.pid)}
+    assert ran(*words, cwd=tmp_path, env=own, timeout=PATIENCE).returncode == 0

@@ -1,6 +1,7 @@
 """What made-up messages are made of, and how they travel."""
 
 import sqlite3
+from array import array
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ number = st.floats(allow_nan=False, allow_infinity=False)
 small = st.integers(0, 40)
 uint32 = st.one_of(small, st.integers(0, 2**32 - 1))
 words = st.text(st.characters(min_codepoint=32, exclude_categories=["Cs"]), max_size=12)
+AXES = ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed")
 # What comes back exactly from whole nanoseconds.
 stamps = st.integers(-(2**20), 2**20).map(lambda k: k / 2.0)
 
@@ -27,6 +29,11 @@ def taken(decode: Callable[[Any], Any], message: Any) -> Any:
         return decode(message)
     except MessageError:
         return None
+
+
+def data_of(most: int) -> st.SearchStrategy[Any]:
+    """Return the data of messages of at most so many bytes."""
+    return st.binary(max_size=most).map(lambda content: array("B", content))
 
 
 def wired(message: Any, type_: type | None = None) -> Any:

@@ -77,7 +77,6 @@ def try_everything(path: Path, scratch: Path) -> set[str]:
 
 
 def drained(path: Path) -> None:
-    """Read every message, as a player does."""
     with opened(path) as reader:
         for _ in stamped_messages(reader, list(reader.connections)):
             pass

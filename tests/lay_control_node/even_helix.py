@@ -9,8 +9,6 @@ from lay_control_node.control.guide_law import WantedPoint
 
 @dataclass(frozen=True)
 class EvenHelix:
-    """An even helix."""
-
     slope: float  # dz/dtheta [m/rad]
 
     def at(self, theta: float) -> WantedPoint:
@@ -18,5 +16,4 @@ class EvenHelix:
         return WantedPoint(z=self.slope * theta, slope=self.slope, curvature=0.0)
 
     def slopes(self, theta: np.ndarray) -> np.ndarray:
-        """Return the same slope everywhere."""
         return np.full(theta.shape, self.slope)

@@ -56,7 +56,6 @@ def closed(
 @pytest.mark.parametrize(("seed", "seen"), [(1, True), (2, False)])
 def test_three_layers_lie_within_a_tenth_of_a_diameter(seed: int, seen: bool) -> None:
     result = closed(seed, seen)
-    assert result.lay is not None
     theta, layer = result.lay.theta, result.lay.layer
     turn = (theta / TURN).astype(int)
     off = result.lay.z - WOUND.program().z_at(theta)
@@ -79,7 +78,6 @@ def pushed(begin: float, off: float) -> Callable[[float], float]:
 def test_what_only_the_camera_sees_is_found_within_a_turn(begin: float, off: float) -> None:
     """The eye is off its carriage: encoder and guide do not show it, the tracker does."""
     result = closed(3, True, pushed(begin, off), (begin + 4.5) / WOUND.turns)
-    assert result.lay is not None
     theta, z = result.lay.theta, result.lay.z
     onward = next(item.direction for item in WOUND.layers if begin < item.last_turn)
     after = theta > begin * TURN

@@ -15,6 +15,11 @@ RADIUS, LENGTH, BEND = 0.032, 0.198, 0.01
 PITCH = 2.87e-3
 
 
+def believed_lay(**own: float) -> LayEstimate:
+    lay = {"free_length": LENGTH, "bend_length": BEND, "offset": 0.0, **own}
+    return LayEstimate(covariance=np.eye(4), **lay)
+
+
 def wound(
     angle: float, law: GuideLaw, *, believed: float = LENGTH, start: float = 0.0, bend: float = BEND
 ) -> Array:
@@ -28,15 +33,7 @@ def wound(
     guide = headed + far * PITCH
     rows = []
     for theta in np.arange(0.0, angle, step):
-        lay = LayEstimate(
-            theta=theta,
-            z=z,
-            headed=headed,
-            free_length=believed,
-            bend_length=bend,
-            offset=0.0,
-            covariance=np.eye(4),
-        )
+        lay = believed_lay(theta=theta, z=z, headed=headed, free_length=believed, bend_length=bend)
         wanted = WantedPoint(z=PITCH * theta, slope=PITCH, curvature=0.0)
         command = law.command(wanted, lay, guide, step)
         rows.append((theta, PITCH * theta - z, (headed - z) / near, command.per_radian))
@@ -89,15 +86,7 @@ def test_a_large_error_is_made_up_without_overshoot(missing: float) -> None:
 def test_a_guide_goes_on_as_it_stands_whatever_the_estimate() -> None:
     """A cable that is believed elsewhere changes the rate, never the place."""
     law = GuideLaw(radius=RADIUS, turning=0.1 * RADIUS)
-    lay = LayEstimate(
-        theta=1.0,
-        z=0.05,
-        headed=0.05,
-        free_length=LENGTH,
-        bend_length=BEND,
-        offset=1.0e-4,
-        covariance=np.eye(4),
-    )
+    lay = believed_lay(theta=1.0, z=0.05, headed=0.05, offset=1.0e-4)
     wanted = WantedPoint(z=1.0e-3, slope=2.0e-3, curvature=0.0)
     assert law.command(wanted, lay, 0.02, 0.0).position == 0.02
     assert law.command(wanted, lay, 0.02, 1.0e-6).position == pytest.approx(0.02, abs=1.0e-7)

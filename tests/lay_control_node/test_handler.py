@@ -1,8 +1,6 @@
 """What the lay controller answers to encoded messages: commands in the joint's own unit, modes."""
 
 import math
-import subprocess
-import sys
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +8,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 
 from lay_control_node.ros.message_handler import Clocks, LayControlHandler
 from lay_control_node.ros.parameters import LayControlParameters
+from processes import python
 from winding_core.lay.records import LAY_CONTROL_DTYPE, LAY_DTYPE, ControlBasis, ControlMode
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.readings import AxisReading, GuidePlace
@@ -52,13 +52,11 @@ def joint_state(t: float, reading: AxisReading, **axes: Any) -> bytes:
     machine = MachineAxes(**axes)
     return encode_joint_state(
         t,
-        AxisReading(
-            cylinder_angle=reading.cylinder_angle / machine.cylinder_scale
-            + machine.cylinder_offset,
-            angular_speed=reading.angular_speed / machine.cylinder_scale,
-            carriage_position=reading.carriage_position / machine.carriage_scale
-            + machine.carriage_offset,
-            feed_speed=reading.feed_speed / machine.carriage_scale,
+        axis_reading(
+            reading.cylinder_angle / machine.cylinder_scale + machine.cylinder_offset,
+            reading.carriage_position / machine.carriage_scale + machine.carriage_offset,
+            speed=reading.angular_speed / machine.cylinder_scale,
+            feed=reading.feed_speed / machine.carriage_scale,
         ),
     )
 
@@ -100,8 +98,7 @@ def states(answers: Iterable[Any]) -> np.ndarray:
 
 def test_targets_are_in_the_joints_own_unit_sign_and_offset() -> None:
     plain = wind(begun(), 0.0, 1.0)
-    other = wind(begun(**AXES), 0.0, 1.0, **AXES)
-    targets = commanded(other)
+    targets = commanded(wind(begun(**AXES), 0.0, 1.0, **AXES))
     assert len(targets) == len(commanded(plain)) == round(1.0 / COMMANDS_PERIOD)
     for mine, his in zip(commanded(plain), targets, strict=True):
         # Rounding of 1234.5 mm in double precision, and of what was computed with it.
@@ -376,6 +373,7 @@ def test_a_machine_that_is_still_to_be_started_is_not_commanded():
 def test_the_first_command_loads_nothing():
     script = """
 import sys
+sys.path.append("tests/processes")
 from tests.lay_control_node.test_handler import begun, wind
 handler = begun(brake=True, markers_every_turn=True)
 before = set(sys.modules)
@@ -383,13 +381,7 @@ assert wind(handler, 0.0, 0.001)
 ours = ("scipy", "numpy", "lay_control_node", "winding_core")
 print([name for name in set(sys.modules) - before if name.startswith(ours)])
 """
-    done = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=False,
-        cwd=Path(__file__).parents[2],
-    )
+    done = python(script, cwd=Path(__file__).parents[2])
     assert done.stdout == "[]\n", done.stdout + done.stderr
 
 

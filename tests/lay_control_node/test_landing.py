@@ -29,15 +29,14 @@ STEP = 0.02
 
 
 HELIX = EvenHelix(SLOPE)
+SPACED = {"spacing": CASE.marker_spacing, "radius": CASE.centreline_radius}
 
 
 def wound(
     pulls: np.ndarray, *, share: float, drag: float, start: float, config: StretchFilterConfig
 ) -> tuple[StretchFilter, np.ndarray]:
     """Wind under pulls [N], one per step of 0.02 rad; return the filter and landing angles."""
-    found = StretchFilter(
-        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
-    )
+    found = StretchFilter(LAW, config=config, **SPACED)
     theta = STEP * np.arange(1, pulls.size + 1)
     grown = 1.0 - (1.0 - start) * np.exp(-CASE.centreline_radius * (theta - 0.01) / BUILD_UP)
     laid = np.cumsum(LAW.density(grown * (share * pulls + drag), SLOPE) * STEP)
@@ -80,9 +79,7 @@ def test_landed_markers_tell_the_tension(share: float, drag: float) -> None:
 
 def test_a_missed_marker_makes_the_segment_longer() -> None:
     config = StretchFilterConfig(start=1.0, sigma_start=0.01)
-    found = StretchFilter(
-        LAW, spacing=CASE.marker_spacing, radius=CASE.centreline_radius, config=config
-    )
+    found = StretchFilter(LAW, config=config, **SPACED)
     theta = STEP * np.arange(1, 900)
     laid = np.cumsum(np.full(theta.size, float(LAW.density(0.8 * CASE.weight, SLOPE)) * STEP))
     second = float(np.interp(2.0 * CASE.marker_spacing, laid, theta))
@@ -123,25 +120,14 @@ def laid_lengths(theta: np.ndarray, pulls: np.ndarray) -> np.ndarray:
 
 def wound_by_law(markers: dict[int, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Wind by the law with a known rig; return angles, pulls and where markers land."""
-    law = LandingLaw(
-        LAW,
-        spacing=CASE.marker_spacing,
-        radius=CASE.centreline_radius,
-        markers=markers,
-        wanted=HELIX,
-        bounds=BOUNDS,
-    )
+    law = LandingLaw(LAW, markers=markers, wanted=HELIX, bounds=BOUNDS, **SPACED)
     theta = np.arange(0.02, max(markers.values()) + 3.0, 0.02)
     pulls = np.empty(theta.size)
     pull, laid, landed = CASE.weight, 0.0, 0
     for k, angle in enumerate(theta):
         landed = int(laid / CASE.marker_spacing)
-        pull = law.pull(
-            Progress(theta=float(angle) - 0.02, laid=laid, landed=landed),
-            KNOWN,
-            pull,
-            free=angle < 0.2,
-        )
+        progress = Progress(theta=float(angle) - 0.02, laid=laid, landed=landed)
+        pull = law.pull(progress, KNOWN, pull, free=angle < 0.2)
         pulls[k] = pull
         tension = KNOWN.tension(pull, CASE.centreline_radius * angle)
         laid += float(LAW.density(tension, SLOPE)) * 0.02
@@ -204,7 +190,6 @@ def resolved(case: int) -> ResolvedCondition:
 def within_reach(control: ControlParameters, what: ResolvedCondition) -> dict[int, float]:
     """Return where markers land [rad] under 0.9 of the weight, the tension as in the prior."""
     controller = control.controller(what, HELIX, markers={1: 1.0}, mode=ControlMode.WATCH)
-    assert controller.landing is not None
     theta = np.arange(0.01, 60.0, 0.01)
     tension = controller.stretch.estimate.tension(
         0.9 * what.case.weight, what.case.centreline_radius * theta

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from even_helix import EvenHelix
 
 from lay_control_node.control.control_parameters import ControlParameters
@@ -18,7 +19,6 @@ from winding_core.lay.program import LayProgram
 from winding_core.lay.records import LAY_DTYPE, ControlBasis, ControlMode, LayFlag
 from winding_core.machine.commanded_axis import MotionLimits
 from winding_core.machine.commands import CARRIAGE
-from winding_core.machine.readings import AxisReading
 from winding_core.markers import MARKER_DTYPE
 
 CASE = published_case(4, "case")
@@ -69,12 +69,7 @@ class Machine:
                 self.control.take_lay(self._places())
             if solved:
                 self.control.take_solver(self.t)
-            reading = AxisReading(
-                cylinder_angle=self.theta,
-                angular_speed=omega,
-                carriage_position=self.guide,
-                feed_speed=self.speed,
-            )
+            reading = axis_reading(self.theta, self.guide, speed=omega, feed=self.speed)
             setpoint = self.control.advance(self.t, reading, CASE.weight)
             self.setpoints.append(setpoint)
             self.guide, self.speed = setpoint.guide, setpoint.guide_speed
@@ -177,9 +172,7 @@ def test_the_pull_follows_the_program_where_a_brake_gives_it() -> None:
         )
         pulls = []
         for k, angle in enumerate((0.5, 1.5, 2.5)):
-            reading = AxisReading(
-                cylinder_angle=angle, angular_speed=OMEGA, carriage_position=0.0, feed_speed=0.0
-            )
+            reading = axis_reading(angle, speed=OMEGA)
             pulls.append(controller.advance(0.1 * k, reading, weight).pull)
         shares = [0.8, 1.0, control.pull_range[1]]
         assert pulls == ([share * weight for share in shares] if brake else [None] * 3)
@@ -255,9 +248,7 @@ def wound(seed: int) -> tuple[ControlParameters, ResolvedCondition, list[Setpoin
             controller.take_markers(markers(theta, guide, rng))
         if rng.random() < 0.9:
             controller.take_solver(t)
-        reading = AxisReading(
-            cylinder_angle=theta, angular_speed=omega, carriage_position=guide, feed_speed=speed
-        )
+        reading = axis_reading(theta, guide, speed=omega, feed=speed)
         setpoint = controller.advance(t, reading, pull)
         setpoints.append(setpoint)
         # A driver that does not follow for once leaves the carriage where it is.

@@ -71,8 +71,7 @@ KINDS = {
 def test_every_kind_of_program_is_laid_to_a_twentieth_of_what_it_would_miss_by(
     kind: str, together: bool
 ) -> None:
-    plan = plan_lay(KINDS[kind], WHAT, LIMITS, together=together)
-    planned, uncompensated = plan.rms()
+    planned, uncompensated = plan_lay(KINDS[kind], WHAT, LIMITS, together=together).rms()
     # The bar of the issue.
     assert planned <= 0.05 * uncompensated
 
@@ -199,8 +198,7 @@ def test_more_pull_lands_a_marker_later() -> None:
     helix = even_helix(WHAT.drive.pitch, 6.0)
     landed = []
     for angle in (0.97, 1.0, 1.05):
-        program = replace(helix, markers={1: angle * TURN})
-        plan = plan_lay(program, WHAT, LIMITS)
+        plan = plan_lay(replace(helix, markers={1: angle * TURN}), WHAT, LIMITS)
         assert plan.landings[0].predicted == pytest.approx(angle * TURN, abs=1e-5 * TURN)
         landed.append(plan.landings[0].pull)
     assert landed == sorted(landed)

@@ -200,18 +200,12 @@ REFUSED = {
         ("segments: [{helix: {pitch_mm: .nan, turns: 1}}]", "pitch_mm must be finite"),
         ("segments: [{helix: {pitch_mm: yes, turns: 1}}]", "pitch_mm must be a number"),
         ("segments: [{helix: {pitch_mm: 1, turns: 1}, dwell: {turns: 1}}]", "it holds 2 of them"),
-        (
-            "segments: [{reverse_at: {z_mm: [5, 20], pitch_mm: 18, turns: 3}}]",
-            "hold the 0 mm where the cable lies, got 5 to 20 mm",
-        ),
-        (
-            "segments: [{reverse_at: {z_mm: [0, 0.001], pitch_mm: 1000, turns: 9999}}]",
-            "at most 100000 points",
-        ),
-        (
-            "segments: [{cosine: {mean_pitch_mm: 9, amplitude_mm: 1, period_turns: 0, turns: 1}}]",
-            "period_turns must be at least 0.01",
-        ),
+        ("segments: [{reverse_at: {z_mm: [5, 20], pitch_mm: 18, turns: 3}}]",
+         "hold the 0 mm where the cable lies, got 5 to 20 mm"),
+        ("segments: [{reverse_at: {z_mm: [0, 0.001], pitch_mm: 1000, turns: 9999}}]",
+         "at most 100000 points"),
+        ("segments: [{cosine: {mean_pitch_mm: 9, amplitude_mm: 1, period_turns: 0, turns: 1}}]",
+         "period_turns must be at least 0.01"),
         ("points: [{turns: 0, z_mm: 0}, 3]", "point 2 must be a mapping"),
         ("points: [{turns: 0, z_mm: 0}, {turns: 1, z_mm: [1]}]", "z_mm must be a number, got list"),
         ("segments: [{dwell: {turns: 1}}]\nmarkers: {1: 2}", "markers must be every_turn"),
@@ -231,16 +225,14 @@ REFUSED = {
         ("/G1 A10 X1\n", "may be left out"),
         ("G1 A10 A20 X1\n", "has A twice"),
     ],
-}
+}  # fmt: skip
 
 
 @pytest.mark.parametrize(
     ("name", "text", "sentence"),
     [(name, text, sentence) for name, items in REFUSED.items() for text, sentence in items],
 )
-def test_an_unusable_program_is_refused_in_one_sentence(
-    tmp_path: Path, name: str, text: str, sentence: str
-) -> None:
+def test_unusable_programs_are_refused(tmp_path: Path, name: str, text: str, sentence: str) -> None:
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
     with pytest.raises(LayProgramError, match=sentence.replace("[", r"\[")) as caught:

@@ -1,7 +1,7 @@
 """What only some places may touch, how large a file may grow, and which names say nothing.
 
 Who may import whom between packages and folders: the contracts of import-linter in pyproject.toml.
-Clocks and sleep: the banned names of ruff in the same file. Both are part of `make lint`.
+Clocks, sleep and relative imports: what ruff bans in the same file. Both are part of `make lint`.
 """
 
 import ast
@@ -68,16 +68,6 @@ def place(path: Path) -> str:
 
 def lines(path: Path) -> int:
     return len(path.read_text(encoding="utf-8").splitlines())
-
-
-def test_imports_are_absolute() -> None:
-    relative = {
-        place(path)
-        for path in FILES
-        for node in imports(path)
-        if isinstance(node, ast.ImportFrom) and node.level
-    }
-    assert relative == set()
 
 
 def test_ros_and_heavy_libraries_stay_in_their_places() -> None:

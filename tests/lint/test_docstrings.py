@@ -124,7 +124,6 @@ def public() -> Iterator[tuple[Path, str, ast.ClassDef | Function]]:
 
 
 def functions() -> Iterator[tuple[Path, str, Function]]:
-    """Yield every public function and method of all files."""
     for path, name, node in public():
         if isinstance(node, Function):
             yield path, name, node

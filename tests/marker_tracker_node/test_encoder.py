@@ -12,11 +12,7 @@ import pytest
 from marker_film import COUNT, DRIVE, TURN, axes, encoder
 
 from marker_tracker_node import TrackerConfig
-from marker_tracker_node.tracking.camera_clock import (
-    CameraClock,
-    ClockOffset,
-    ClockSettings,
-)
+from marker_tracker_node.tracking.camera_clock import CameraClock, ClockOffset, ClockSettings
 from marker_tracker_node.tracking.encoder_history import KEPT, EncoderHistory
 from marker_tracker_node.tracking.synchronised_tracker import Synchroniser
 

@@ -75,21 +75,13 @@ def test_turns_that_come_to_touch_as_the_cable_grows_move_no_band_by_a_jump() ->
 @pytest.mark.parametrize(
     ("number", "size"),
     [
-        ("encoder_scale", -0.02),
-        ("frame_times", 0.06),
-        ("camera_clock", -0.1),
-        ("camera_distance", 0.025),
-        ("camera_along", 0.02),
-        ("camera_roll", -0.06),
-        ("focal_length", 0.08),
-        ("focal_length", -0.01),
-        ("cylinder_diameter", -0.03),
+        ("encoder_scale", -0.02), ("frame_times", 0.06), ("camera_clock", -0.1),
+        ("camera_distance", 0.025), ("camera_along", 0.02), ("camera_roll", -0.06),
+        ("focal_length", 0.08), ("focal_length", -0.01), ("cylinder_diameter", -0.03),
         ("cable_diameter", 0.3),
     ],
-)
-def test_the_wrong_number_is_named_with_its_size_and_taken_out_of_the_places(
-    number: str, size: float
-) -> None:
+)  # fmt: skip
+def test_the_wrong_number_is_named_with_its_size_and_taken_out(number: str, size: float) -> None:
     seen = sightings(RAMPED, (WrongNumber(number=number, size=size),), 7)
     found, mended = explained(seen)
     assert found
@@ -98,7 +90,6 @@ def test_the_wrong_number_is_named_with_its_size_and_taken_out_of_the_places(
         assert abs(found[0].share - size) < 4.0 * found[0].sigma
     if number == "camera_clock":
         return
-    assert mended is not None
     theta, z = RAMPED.markers
     # Three deviations, and what noise of 0.07 px leaves of a mean.
     sigma = np.sqrt(mended.doubt) + np.array([[3.0e-4], [2.0e-5]])
@@ -109,7 +100,6 @@ def test_the_wrong_number_is_named_with_its_size_and_taken_out_of_the_places(
 def test_an_estimate_that_is_no_longer_carried_is_taken_back() -> None:
     problem = Problem(sightings(RAMPED, (), 5))
     found = correction(problem, judged(problem), made=True)
-    assert found is not None
     assert not found.carried
     assert not found.errors.any()
     assert not found.doubt.any()
@@ -126,9 +116,7 @@ def test_an_estimate_that_is_no_longer_carried_is_taken_back() -> None:
         {"cylinder_diameter": 0.08, "camera_tilt_y": 0.008},
     ],
 )
-def test_numbers_within_their_doubt_are_named_with_what_explains_as_well(
-    wrong: dict[str, float],
-) -> None:
+def test_numbers_within_doubt_are_named_with_what_explains_as_well(wrong: dict[str, float]) -> None:
     numbers = tuple(WrongNumber(number=name, size=size) for name, size in wrong.items())
     found = contradicted(sightings(RAMPED, numbers, 7))
     assert len(found) == len(wrong)
@@ -147,7 +135,6 @@ def test_what_no_number_explains_alone_counts_in_the_deviations() -> None:
         sightings(RAMPED, (WrongNumber(number="cylinder_diameter", size=0.01),), 7)
     )
     assert found == ()
-    assert mended is not None
     assert not mended.carried
     assert not mended.errors.any()
     # Errors of camera and cylinder within their doubts would move the last marker by 0.1 mm.

@@ -68,29 +68,22 @@ def test_a_marker_passes_as_fast_as_is_expected(paper_film):
         (
             {"paint": 240.0},
             {"exposure": 4.0e-3, "speed": 775.0},
-            (
-                "exposure 4 ms smears markers by 3.1 px at 775 px/s",
-                "expose at most 1.3 ms; raise gain or light by 2.6",
-            ),
+            ("exposure 4 ms smears markers by 3.1 px at 775 px/s",
+             "expose at most 1.3 ms; raise gain or light by 2.6"),
         ),
         (
             {"paint": 60.0, "noise": 4.0},
             {"exposure": 1.0e-3, "speed": 1000.0},
-            (
-                "paint is at level 60 of 255, at least 100 needed",
-                "raise the light by 3.3; by gain noise would be 13 grey levels, at most 8 may be",
-            ),
+            ("paint is at level 60 of 255, at least 100 needed",
+             "raise the light by 3.3; by gain noise would be 13 grey levels, at most 8 may be"),
         ),
         ({"paint": 50.0}, {}, ("level 50", "raise exposure, gain or light by 4")),
-        (
-            {"paint": 255.0, "saturated": 0.6},
-            {"exposure": 2.0e-3, "speed": 100.0},
-            ("60% of the paint has a channel at its end, at most 20% may", "expose at most 1 ms"),
-        ),
+        ({"paint": 255.0, "saturated": 0.6}, {"exposure": 2.0e-3, "speed": 100.0},
+         ("60% of the paint has a channel at its end, at most 20% may", "expose at most 1 ms")),
         ({"noise": 12.0}, {}, ("lower the gain by 1.5 and raise the light as much",)),
         ({"paint": math.nan}, {}, ("no pixels have the markers' hue",)),
     ],
-)
+)  # fmt: skip
 def test_advice_has_the_number_that_follows(given, camera, sentences):
     advice = exposure_advice(replace(FINE, **given), **camera)
     assert len(advice.sentences) == len(sentences)

@@ -172,9 +172,7 @@ def test_a_guide_that_stands_behind_is_no_misplaced_camera(size):
     ids=["mm", "reversed mm", "reversed", "stuck", "too far"],
 )
 @pytest.mark.parametrize(("size", "seed"), [(SIZES[0], 7), (SIZES[1], 8), (SIZES[3], 9)])
-def test_readings_that_the_markers_contradict_are_reported_and_not_believed(
-    read, words, size, seed
-):
+def test_readings_that_markers_contradict_are_reported_not_believed(read, words, size, seed):
     film, tracker = wound(size, STEADY, seed, read)
     require_right(film, tracker)
     report = tracker.report()

@@ -163,7 +163,6 @@ def test_the_lay_is_published_when_it_is_asked_for(bench: Bench) -> None:
 
 
 def calibration() -> CameraInfo:
-    """Return the calibration of FRAME."""
     info = CameraInfo(height=48, width=64, distortion_model="plumb_bob", d=[0.0] * 5)
     info.k = [900.0, 0.0, 32.0, 0.0, 900.0, 24.0, 0.0, 0.0, 1.0]
     info.roi = RegionOfInterest(width=64, height=48)
@@ -203,9 +202,7 @@ def node(ros: Any, device: Device) -> ComposedTrackerNode:
     return tracker
 
 
-def test_the_camera_is_open_while_the_node_is_active(
-    node: ComposedTrackerNode, device: Device
-) -> None:
+def test_camera_is_open_while_the_node_is_active(node: ComposedTrackerNode, device: Device) -> None:
     for _ in range(2):
         assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
         assert device.opened == 1
@@ -213,9 +210,7 @@ def test_the_camera_is_open_while_the_node_is_active(
         assert device.opened == 0
 
 
-def test_a_camera_that_does_not_open_is_refused_and_may_open_later(
-    node: ComposedTrackerNode, device: Device
-) -> None:
+def test_a_camera_may_be_refused_and_open_later(node: ComposedTrackerNode, device: Device) -> None:
     device.opens = False
     assert node.trigger_activate() is TransitionCallbackReturn.FAILURE
     (own, *_) = node._statuses()
@@ -276,9 +271,7 @@ def test_what_is_no_frame_is_refused_where_it_is_handed_over(
         device.port.take(t, frame)
 
 
-def test_a_frame_that_comes_after_the_end_is_left_alone(
-    ros: Any, node: ComposedTrackerNode, device: Device
-) -> None:
+def test_a_late_frame_is_left_alone(ros: Any, node: ComposedTrackerNode, device: Device) -> None:
     heard = stamps(ros, node)
     assert node.trigger_activate() is TransitionCallbackReturn.SUCCESS
     late = device.port

@@ -34,9 +34,7 @@ WINDOWS = (
         (4, (6e-3, -9e-3, 5e-3), 2.0e-3, 0.05e-3),
     ],
 )
-def test_a_wrong_pose_is_found_and_its_error_leaves_the_markers(
-    smooth_film, case, tilt, theta_bar, z_bar
-):
+def test_a_wrong_pose_is_found_and_spoils_no_marker(smooth_film, case, tilt, theta_bar, z_bar):
     film = smooth_film(case, camera=replace(SENSOR, tilt=tilt))
     tracker, *_ = film.followed(7.0, film.tracker(pose=CameraPose()))
     assert tracker.report().known == 5

@@ -56,27 +56,27 @@ def image(data, rows, columns, encoding, step, big=0):
     }
 
 
-def command(function):
+def ran(function, *words, code=0):
+    """Run a command; return what it prints that ends with a code."""
     app = Typer()
     app.command()(function)
-    return lambda *words: CliRunner().invoke(app, [str(word) for word in words])
+    result = CliRunner().invoke(app, [*map(str, words)])
+    assert result.exit_code == code, result.output
+    return " ".join(result.output.split())
 
 
 @pytest.fixture(scope="module")
 def sequence(tmp_path_factory):
     """A rendered run that covers the arrival of P1."""
     folder = tmp_path_factory.mktemp("run")
-    result = command(render)(folder, "--case", 4, "--fps", 25, "--duration-s", 5)
-    assert result.exit_code == 0, result.output
+    ran(render, folder, "--case", 4, "--fps", 25, "--duration-s", 5)
     return folder
 
 
 def tracked(run, source, out, *words, code=0):
     """Track a recording with camera and motion of a rendered run; return what was printed."""
     where = ("--camera", run / "camera.yaml", "--motion", run / "motion.csv")
-    result = command(track)(source, *where, "--output", out, *words)
-    assert result.exit_code == code, result.output
-    return " ".join(result.output.split())
+    return ran(track, source, *where, "--output", out, *words, code=code)
 
 
 def table(path):
@@ -144,10 +144,8 @@ def test_a_cable_of_ones_own_is_tracked(sequence, tmp_path):
 
 def test_an_own_cable_needs_all_of_its_numbers(sequence, tmp_path):
     out = tmp_path / "own.csv"
-    result = command(track)(sequence, "--output", out, "--cable-diameter-mm", 4)
-    assert result.exit_code == 2
-    result = command(track)(sequence, "--output", out, "--camera-position-mm", "1,2")
-    assert result.exit_code == 2
+    ran(track, sequence, "--output", out, "--cable-diameter-mm", 4, code=2)
+    ran(track, sequence, "--output", out, "--camera-position-mm", "1,2", code=2)
 
 
 def test_track_measures_a_folder(sequence, tmp_path):
@@ -199,8 +197,7 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
             ("Image", t, image(frame[..., ::-1].tobytes(), 96, 640, "rgb8", 1920)),
         ]
     path, out = write_bag(tmp_path / "bag", messages), tmp_path / "markers.csv"
-    result = command(track)(path, "--output", out, "--case", 4)
-    assert result.exit_code == 0, result.output
+    ran(track, path, "--output", out, "--case", 4)
     check(out)
     assert read_bag(path).camera.binning == 3
     first = next(iter(FrameSource(path)))[1]
@@ -226,10 +223,9 @@ def test_track_measures_a_bag_of_any_topics(sequence, tmp_path):
     ],
 )  # fmt: skip
 def test_track_refuses_with_one_sentence(sequence, words, reason):
-    result = command(track)(*(word.format(run=sequence) for word in words))
-    assert result.exit_code == 2
-    assert reason in result.output
-    assert "Traceback" not in result.output
+    printed = ran(track, *(word.format(run=sequence) for word in words), code=2)
+    assert reason in printed
+    assert "Traceback" not in printed
 
 
 def test_recordings_that_cannot_be_read_are_refused(tmp_path):

@@ -36,8 +36,7 @@ def test_every_measured_length_comes_back_within_two_thousandths(paper_film, cas
 
 @pytest.mark.parametrize("case", [2, 7, 8])
 def test_a_marker_that_never_lands_stays_not_wound(paper_film, case):
-    film = paper_film(case)
-    _, records, _ = film.followed(40.0)
+    _, records, _ = paper_film(case).followed(40.0)
     assert ((records["flags"][:, 4] & MarkerFlag.NOT_WOUND) != 0).all()
     assert np.isnan(records["theta"][:, 4]).all()
 

@@ -60,8 +60,7 @@ def test_the_true_fault_of_a_picture_is_named(paper_film, number, change, senten
 
 @pytest.mark.slow
 def test_an_encoder_that_counts_backwards_is_reported(paper_film):
-    film = paper_film(9)
-    tracker, *_ = film.followed(RATE, read=lambda t, angle: -angle, stop=2.0)
+    tracker, *_ = paper_film(9).followed(RATE, read=lambda t, angle: -angle, stop=2.0)
     assert "the encoder counts backwards" in tracker.report().colour_refusal
 
 
@@ -146,8 +145,7 @@ def test_p0_is_found_beside_its_place(smooth_film, number, along):
 def test_the_path_of_p0_tells_a_zero_of_the_encoder_from_a_height(paper_film, number, offset):
     film = paper_film(number)
     read = lambda t, angle: angle + offset  # noqa: E731
-    zero = film.followed(RATE, read=read, stop=1.5)[0]
-    assert zero.origin == pytest.approx(offset, abs=0.02)
+    assert film.followed(RATE, read=read, stop=1.5)[0].origin == pytest.approx(offset, abs=0.02)
     x, y, z = film.camera.position
     high = film.tracker(pose=CameraPose(position=(x, y + 20.0 * MILLIMETRE, z)))
     tracker, *_ = film.followed(RATE, high, stop=8.0)
@@ -158,8 +156,7 @@ def test_the_path_of_p0_tells_a_zero_of_the_encoder_from_a_height(paper_film, nu
 
 
 def test_why_a_late_recording_waits_is_reported(paper_film):
-    film = paper_film(4)
-    tracker, *_ = film.followed(RATE, start=2.2, stop=2.5)
+    tracker, *_ = paper_film(4).followed(RATE, start=2.2, stop=2.5)
     assert tracker.report().colour_refusal.startswith("the run begins at 3.03 rad")
 
 

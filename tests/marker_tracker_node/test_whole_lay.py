@@ -132,8 +132,7 @@ class KnownLay:
 def test_every_turn_is_measured_in_the_small_window(radius, cable, pitch):
     lay = KnownLay(radius * 1e-3, cable * 1e-3, pitch * 1e-3)
     tracker, spans = lay.measured()
-    records = tracker.records()
-    errors, _ = lay.errors(records)
+    errors, _ = lay.errors(tracker.records())
     # What has passed the rows up to 0.4 to 0.7 rad, of four turns.
     assert len(errors) >= 0.93 * 4 * 72
     # 0.1 mm is asked for; 0.4 px of the window.
@@ -214,8 +213,7 @@ def test_free_length_is_known_before_the_first_marker_lands():
     lay.z = advance * (wound + lag * np.expm1(-wound / lag))
     lay.guide = advance * wound
     tracker, _ = lay.measured(until=0.98 * TURN)
-    report = tracker.report()
-    assert report.free_length == pytest.approx(FREE_LENGTH, abs=2.0e-3)
+    assert tracker.report().free_length == pytest.approx(FREE_LENGTH, abs=2.0e-3)
 
 
 def pushed_aside(lay, guide):
@@ -299,8 +297,7 @@ def test_a_tracker_that_joins_a_run_finds_the_turns_that_are_there():
     tracker = LayTracker(lay.config(SMALL), pinhole(SMALL))
     for frame, reading in lay.frames(SMALL, np.arange(2.5 * TURN, 3.7 * TURN, 0.08), 1):
         tracker.take(frame, reading)
-    records = tracker.records()
-    errors, _ = lay.errors(records)
+    errors, _ = lay.errors(tracker.records())
     # Everything wound but the last 0.7 rad, which have not passed all rows.
     assert len(errors) >= 0.93 * 3.6 * 72
     assert rms(errors) < 1.0e-4

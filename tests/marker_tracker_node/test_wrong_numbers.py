@@ -154,9 +154,7 @@ def test_a_run_of_the_paper_raises_nothing(paper_film: FilmMaker, case: int) -> 
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("seed", range(20))
-def test_consistent_runs_raise_nothing(
-    paper_film: FilmMaker, smooth_film: FilmMaker, seed: int
-) -> None:
+def test_good_runs_raise_nothing(paper_film: FilmMaker, smooth_film: FilmMaker, seed: int) -> None:
     rng = np.random.default_rng(100 + seed)
     camera = replace(
         CameraConfig(),
@@ -201,9 +199,7 @@ def test_published_values_go_over_to_corrected_ones_without_a_jump(
 
 
 @pytest.mark.slow
-def test_a_run_whose_camera_is_corrected_within_its_doubt_is_healthy(
-    filmed: tuple[Film, Frames],
-) -> None:
+def test_a_camera_corrected_within_its_doubt_is_healthy(filmed: tuple[Film, Frames]) -> None:
     tracker, _ = Wrong(tilt=(0.0, 0.0, 0.008)).followed(*filmed, explain=True)
     report = tracker.report()
     assert [item.number for item in report.contradictions] == ["camera_roll"]
@@ -255,9 +251,7 @@ def test_what_is_reported_healthy_is_not_far_off(seed: int, number: str, size: f
     ("seed", "number", "size"),
     [(1105, "guide_offset", 0.009), (1106, "guide_scale", -0.15), (1106, "marker_spacing", -0.3)],
 )
-def test_what_no_marker_rests_on_is_named_and_leaves_the_run_healthy(
-    seed: int, number: str, size: float
-) -> None:
+def test_what_no_marker_rests_on_is_named_harmless(seed: int, number: str, size: float) -> None:
     _, found = run(seed, number, size)
     assert number in found.named
     assert found.healthy
@@ -273,9 +267,7 @@ def test_what_no_marker_rests_on_is_named_and_leaves_the_run_healthy(
         (1104, "camera_along", 0.02),
     ],
 )
-def test_a_camera_that_looks_elsewhere_is_no_zero_of_the_encoder(
-    seed: int, number: str, size: float
-) -> None:
+def test_a_camera_looking_elsewhere_is_no_encoder_zero(seed: int, number: str, size: float) -> None:
     _, found = run(seed, number, size)
     assert found.right or "P0 was not found where it should lie" in found.sentences
     assert found.known == 0

@@ -39,7 +39,6 @@ def until(
 
 
 def page_answers(url: str) -> bool:
-    """Return whether a page is served at an address."""
     try:
         urllib.request.urlopen(url, timeout=5.0).read()
     except OSError:
@@ -107,3 +106,15 @@ def running(
 def in_namespace(namespace: str) -> tuple[str, ...]:
     """Return the words with which a node joins a namespace."""
     return "--ros-args", "-r", f"__ns:=/{namespace}"
+
+
+def ran(*words: object, check: bool = False, **options: Any) -> "subprocess.CompletedProcess[str]":
+    """Run a command to its end; return how it ended and what it printed."""
+    return subprocess.run(
+        [*map(str, words)], capture_output=True, text=True, check=check, **options
+    )
+
+
+def python(program: str, *words: object, **options: Any) -> "subprocess.CompletedProcess[str]":
+    """Run a program in a Python of its own."""
+    return ran(sys.executable, "-c", program, *words, **options)

@@ -9,8 +9,6 @@ from types import ModuleType
 def script(path: Path) -> ModuleType:
     """Return a script as the module that it would be in a package."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None
-    assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)

@@ -1,7 +1,6 @@
 """Two builds of the last commit, and programs that must end well."""
 
 import os
-import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -9,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
+
+from processes import ran
 
 ROOT = Path(__file__).parents[2]
 
@@ -24,15 +25,7 @@ class Build:
 
 def succeed(words: Sequence[object], cwd: Path, *, umask: int = -1, **variables: str) -> str:
     """Return what a program prints; it must end well."""
-    ended = subprocess.run(
-        [str(word) for word in words],
-        cwd=cwd,
-        env={**os.environ, **variables},
-        umask=umask,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ended = ran(*words, cwd=cwd, env={**os.environ, **variables}, umask=umask)
     assert ended.returncode == 0, ended.stdout + ended.stderr
     return ended.stdout
 
@@ -49,7 +42,6 @@ def build(clone: Path, *, umask: int, zone: str) -> Build:
 
 @pytest.fixture(scope="session")
 def first_build(tmp_path_factory: pytest.TempPathFactory) -> Build:
-    """Return a build of the last commit."""
     if not (ROOT / ".git").exists():
         pytest.skip("releases are built from a git clone")
     return build(tmp_path_factory.mktemp("release") / "one", umask=0o022, zone="UTC")

@@ -17,7 +17,6 @@ RECIPE = tomllib.loads((ROOT / "pixi.toml").read_text(encoding="utf-8"))
 
 @pytest.fixture(scope="module")
 def licences() -> ModuleType:
-    """Return the script that writes the page."""
     return script(ROOT / "release" / "licences.py")
 
 

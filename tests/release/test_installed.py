@@ -3,7 +3,6 @@
 import json
 import os
 import re
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +10,8 @@ from typing import Any
 
 import pytest
 from packaging.utils import canonicalize_name
+
+from processes import ran
 
 ROOT = Path(__file__).parents[2]
 CONSUMER = Path(__file__).with_name("consumer.py")
@@ -46,17 +47,8 @@ def installed(
 def test_a_run_needs_no_clone(installed: Path, tmp_path: Path) -> None:
     place = tmp_path / "empty"
     place.mkdir()
-    ended = subprocess.run(
-        [
-            installed / "bin" / "winding", "run", "--case", "4", "--duration-s", "3",
-            "--output", "left",
-        ],
-        cwd=place,
-        env=environment(tmp_path),
-        capture_output=True,
-        text=True,
-        check=False,
-    )  # fmt: skip
+    words = ("run", "--case", 4, "--duration-s", 3, "--output", "left")
+    ended = ran(installed / "bin" / "winding", *words, cwd=place, env=environment(tmp_path))
     assert ended.returncode == 0, ended.stdout + ended.stderr
     assert [path.name for path in place.iterdir()] == ["left"]
     assert json.loads((place / "left" / "run.json").read_text(encoding="utf-8"))["markers"]
@@ -73,16 +65,10 @@ def test_learning_and_the_page_are_not_installed(installed: Path, run: Callable[
 def mypy(installed: Path, folder: Path, text: str) -> str:
     """Return what mypy reports about a program in the environment."""
     (folder / "program.py").write_text(text, encoding="utf-8")
-    ended = subprocess.run(
-        [
-            sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--config-file=",
-            "--python-executable", installed / "bin" / "python", "program.py",
-        ],
-        cwd=folder,
-        env=environment(folder),
-        capture_output=True,
-        text=True,
-        check=False,
+    ended = ran(
+        *(sys.executable, "-m", "mypy", "--strict", "--no-error-summary", "--config-file="),
+        *("--python-executable", installed / "bin" / "python", "program.py"),
+        cwd=folder, env=environment(folder),
     )  # fmt: skip
     assert not ended.stderr
     return ended.stdout
@@ -113,21 +99,12 @@ def test_misuse_is_an_error(
 
 
 def test_the_consumer_runs(installed: Path, tmp_path: Path) -> None:
-    ended = subprocess.run(
-        [installed / "bin" / "python", CONSUMER],
-        cwd=tmp_path,
-        env=environment(tmp_path),
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    ended = ran(installed / "bin" / "python", CONSUMER, cwd=tmp_path, env=environment(tmp_path))
     assert ended.returncode == 0, ended.stderr
     assert 0.0 <= float(ended.stdout) < 0.01
 
 
-def test_launch_file_transport_and_layouts_are_in_the_wheel(
-    installed: Path, run: Callable[..., str], tmp_path: Path
-) -> None:
+def test_the_wheel_holds_launch_file_and_layouts(installed: Path, run: Any, tmp_path: Path) -> None:
     program = (
         "from importlib.resources import files\n"
         "home = files('winding_bringup')\n"

@@ -144,9 +144,7 @@ def test_a_run_with_page_and_controller_keeps_to_its_policy(ros: Any, tmp_path: 
         assert node in {item[0] for item in uncovered(found, namespace, less)}
 
 
-def test_a_goal_on_a_real_machine_keeps_to_its_policy(
-    ros: Any, driver: Any, tmp_path: Path
-) -> None:
+def test_a_goal_on_a_real_machine_keeps_its_policy(ros: Any, driver: Any, tmp_path: Path) -> None:
     probe = ros.add(Node, "probe", namespace="elsewhere")
     found: Endpoints = set()
 

@@ -68,9 +68,7 @@ def test_only_the_orchestrator_and_the_page_command_the_machine() -> None:
         (WHOLE, {topics.LAY_CONTROL, topics.COMMANDER}),
     ],
 )
-def test_commands_are_published_by_who_commands_in_this_run(
-    taking_part: Participants, publishers: set[str]
-) -> None:
+def test_commands_come_from_who_commands(taking_part: Participants, publishers: set[str]) -> None:
     published = allowed(sros2_policy("winding", taking_part), "topics", "publish")
     assert {node for node, names in published.items() if names & COMMANDS} == publishers
     of_lay = {topics.JOINT_TARGETS.name, topics.TENSION_COMMAND.name}

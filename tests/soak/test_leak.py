@@ -54,7 +54,6 @@ class Soak:
         return self._output.read_text(encoding="utf-8")
 
     def until(self, reached: Callable[[], bool]) -> None:
-        """Wait while the process goes on."""
         until(reached, PATIENCE, self._process)
 
     @property

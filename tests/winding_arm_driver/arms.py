@@ -28,7 +28,6 @@ TURN = [-1.5, 0.1, 0.2]  # The machine's axis lies nearly along the base's y, a 
 
 
 def written(folder: Path, *, speed: float = 3.14, travel: float = 2.0 * math.pi) -> Path:
-    """Write the arm's description."""
     parts = ['<robot name="arm">', '<link name="base_link"/>']
     parent, origin = "base_link", ("0 0 0", "0 0 0")
     for name, (d, a, alpha) in zip(NAMES, LINKS, strict=True):

@@ -38,6 +38,5 @@ class Listener:
         self.messages.extend(status.message for status in decode_diagnostics(message)[1])
 
     def aim(self, position: float) -> None:
-        """Send the carriage to a position [m]."""
         target = JointTargets(t=0.0, axes={CARRIAGE: AxisTarget(position=position)})
         self._targets.publish(encode_targets(target))

@@ -168,7 +168,6 @@ class OwnArm:
 
 
 def transform(parent: str, child: str, pose: Pose) -> TransformStamped:
-    """Return where a child frame stands in its parent."""
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id = parent
     place, turn = message.transform.translation, message.transform.rotation

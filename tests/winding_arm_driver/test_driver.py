@@ -21,9 +21,7 @@ from winding_ros import topics
     ("source", "kind"),
     [("joints", "trajectory"), ("joints", "positions"), ("pose", "pose"), ("pose", "twist")],
 )
-def test_arm_of_its_own_is_followed_and_led(
-    ros: Any, tmp_path: Path, source: str, kind: str
-) -> None:
+def test_an_own_arm_is_followed_and_led(ros: Any, tmp_path: Path, source: str, kind: str) -> None:
     mapping = mapping_of(tmp_path, source, kind)
     ros.add(ArmDriverNode, mapping)
     arm, listener = OwnArm(ros.plain("cell"), mapping), Listener(ros.plain("listener"))
@@ -32,7 +30,6 @@ def test_arm_of_its_own_is_followed_and_led(
     first = readings[-1]
     steps = math.degrees(first.cylinder_angle) - TURN
     assert steps == pytest.approx(0.5 * round(2.0 * steps), abs=1.0e-9)
-    assert first.guide is not None
     # Of the decimals in mapping and description [m].
     assert (first.guide.x, first.guide.y) == pytest.approx((0.02, -0.2), abs=1.0e-8)
     assert first.carriage_position == pytest.approx(0.0, abs=1.0e-8)

@@ -88,7 +88,6 @@ def test_arm_is_followed_and_led(
 
         ros.spin_until(arrived, 10.0 * PATIENCE)
         guide = listener.readings[-1].guide
-    assert guide is not None
     assert (guide.x, guide.y) == pytest.approx((0.02, -0.2), abs=1.0e-5)
 
 

@@ -20,7 +20,6 @@ def test_tip_is_found_through_the_ancestor_of_both_frames() -> None:
     assert tree.between("base", "tool") is None
     tree.add("rail", "tool", Pose.of([0.0, 0.0, 0.3], STRAIGHT))
     found = tree.between("base", "tool")
-    assert found is not None
     # From (1, 0.5, 0) to (0, 2, 0.3) in the cell, seen in axes that are turned by a quarter.
     assert found.position == pytest.approx([1.5, 1.0, 0.3])
     assert found.rotation @ [0.0, 1.0, 0.0] == pytest.approx([1.0, 0.0, 0.0])
@@ -53,6 +52,5 @@ def test_guide_is_read_from_transforms() -> None:
     guided.look_up({"vehicle": 8, "base": 8}, 0.0)
     ((stamp, reading),) = guided.readings(0.0)
     assert stamp == 7
-    assert reading.guide is not None
     assert (reading.guide.x, reading.guide.y) == pytest.approx((0.02, -0.2))
     assert reading.carriage_position == pytest.approx(0.3)

@@ -30,8 +30,7 @@ def test_tip_stands_where_the_links_put_it(arm: Arm) -> None:
 def test_joints_are_found_for_a_pose_near_by(arm: Arm) -> None:
     rng = np.random.default_rng(2)
     for step in rng.uniform(-0.05, 0.05, (20, 6)):
-        found = arm.solved(arm.tip(HOME + step), HOME)
-        assert found == pytest.approx(HOME + step, abs=1.0e-4)
+        assert arm.solved(arm.tip(HOME + step), HOME) == pytest.approx(HOME + step, abs=1.0e-4)
 
 
 def test_jacobian_is_the_change_of_the_tip(arm: Arm) -> None:
@@ -66,9 +65,7 @@ def test_travel_of_a_joint_is_kept(tmp_path: Path) -> None:
         ("base_link", "base_link", "no joint moves base_link in base_link"),
     ],
 )
-def test_links_that_are_missing_are_named(
-    tmp_path: Path, base: str, tip: str, sentence: str
-) -> None:
+def test_missing_links_are_named(tmp_path: Path, base: str, tip: str, sentence: str) -> None:
     with pytest.raises(ArmError, match=sentence):
         Arm(written(tmp_path), base, tip)
 

@@ -39,7 +39,6 @@ class Bench:
     def step(self) -> Led:
         led = self.guided.advance(self.now, PERIOD, turning=True)
         self.now += PERIOD
-        assert led is not None
         assert led.joints is not None
         self.joints = led.joints
         self._report()
@@ -48,7 +47,6 @@ class Bench:
 
 def test_eye_is_where_the_mapping_puts_it(tmp_path: Path) -> None:
     reading = Bench(tmp_path, type="trajectory").reading
-    assert reading.guide is not None
     # Of the decimals in the mapping and the description [m].
     assert (reading.guide.x, reading.guide.y) == pytest.approx((0.02, -0.2), abs=1.0e-9)
     assert reading.carriage_position == pytest.approx(0.0, abs=1.0e-9)
@@ -62,7 +60,6 @@ def test_guide_follows_a_stream_along_the_axis_and_keeps_its_place_across(tmp_pa
         bench.aim(wanted, 0.02 * math.sin(2.0 * k * PERIOD))
         bench.step()
         reading = bench.reading
-        assert reading.guide is not None
         along = reading.carriage_position - wanted
         off.append((along, reading.guide.x - 0.02, reading.guide.y + 0.2))
     along, *across = np.abs(off[50:]).max(axis=0).tolist()
@@ -119,9 +116,7 @@ def test_guide_stands_when_targets_stop(tmp_path: Path) -> None:
         (AxisTarget(speed=0.2), r"not be faster than 0.1 m/s, got 0.2 m/s"),
     ],
 )
-def test_target_beyond_the_limits_is_refused(
-    tmp_path: Path, target: AxisTarget, sentence: str
-) -> None:
+def test_target_beyond_limits_is_refused(tmp_path: Path, target: AxisTarget, sentence: str) -> None:
     guided = Bench(tmp_path, type="trajectory").guided
     with pytest.raises(ValueError, match=sentence):
         guided.aim(JointTargets(t=0.0, axes={CARRIAGE: target}), 0.0, turning=True)

@@ -17,9 +17,7 @@ def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 @pytest.mark.parametrize("words", [("list",), ("show", "hose"), ("compare", "hose", "tube")])
 def test_what_is_written_keeps_its_schema(home: Path, words: tuple[str, ...]) -> None:
-    done = winding(home, "cable", *words, "--json", "-")
-    assert done.exit_code == 0, done.output
-    content = keeps_schema("cables", done.stdout)
+    content = keeps_schema("cables", winding(home, "cable", *words, "--json", "-", code=0).stdout)
     assert len(content["cables"]) == {"list": 10, "show": 1, "compare": 2}[words[0]]
 
 
@@ -30,8 +28,7 @@ def test_an_identified_cable_is_added_shown_and_wound(home: Path) -> None:
     }  # fmt: skip
     (home / "found.json").write_text(json.dumps(record), encoding="utf-8")
     words = ("cable", "add", "left", "--like", "hose", "--identified", "found.json")
-    done = winding(home, *words, "--poisson", 0.48, "--source", "sheet")
-    assert done.exit_code == 0, done.output
+    done = winding(home, *words, "--poisson", 0.48, "--source", "sheet", code=0)
     left = find_cable("left")
     assert (left.properties["young_mpa"], left.uncertainty["young_mpa"]) == (4.1, 0.02)
     assert (left.properties["law"], left.properties["poisson"]) == ("hencky", 0.48)
@@ -40,21 +37,17 @@ def test_an_identified_cable_is_added_shown_and_wound(home: Path) -> None:
     )  # fmt: skip
     again = winding(home, *words)
     assert (again.exit_code, "exists already; --force replaces it" in again.stderr) == (2, True)
-    shown = winding(home, "cable", "show", "left").stdout
-    assert "winding identify, found.json" in shown
-    assert winding(home, "predict", "--cable", "left", "--check").exit_code == 0
+    assert "winding identify, found.json" in winding(home, "cable", "show", "left").stdout
+    winding(home, "predict", "--cable", "left", "--check", code=0)
     done = winding(home, "cable", "compare", "left", "hose", "--json", "-")
     # 0.409 MPa of difference, 0.02 and 1.1 MPa of deviation.
-    apart = json.loads(done.stdout)["deviations_apart"]["young_mpa"]
-    assert apart == pytest.approx(0.37, abs=0.03)
+    assert json.loads(done.stdout)["deviations_apart"]["young_mpa"] == pytest.approx(0.37, abs=0.03)
 
 
 def markers_wound_with(home: Path, young_mpa: float) -> Path:
     """Return a table of the markers of case 4 with another modulus."""
-    done = winding(
-        home, "predict", "--case", 4, "--young-mpa", young_mpa, "--duration-s", 14, "--json", "-"
-    )
-    assert done.exit_code == 0, done.output
+    words = ("--case", 4, "--young-mpa", young_mpa, "--duration-s", 14)
+    done = winding(home, "predict", *words, "--json", "-", code=0)
     table = home / f"markers_{young_mpa}.csv"
     rows = [
         f"{row['id']},{row['theta_rad']},{row['z_m']}"
@@ -73,13 +66,11 @@ def markers_wound_with(home: Path, young_mpa: float) -> Path:
 def test_the_nearest_cable_is_named_or_none(home: Path, young_mpa: float, name: str | None) -> None:
     for own, young in (("soft", 2.2), ("firm", 2.9)):
         words = ("--cable-diameter-mm", 4, "--young-mpa", young)
-        added = winding(
-            home, "cable", "add", own, *words, "--uncertainty", f"young_mpa={0.03 * young}"
+        winding(
+            home, "cable", "add", own, *words, "--uncertainty", f"young_mpa={0.03 * young}", code=0
         )
-        assert added.exit_code == 0, added.output
     source = markers_wound_with(home, young_mpa)
-    done = winding(home, "cable", "nearest", source, "--case", 4, "--json", "-")
-    assert done.exit_code == 0, done.output
+    done = winding(home, "cable", "nearest", source, "--case", 4, "--json", "-", code=0)
     content = keeps_schema("cables", done.stdout)
     best = content["nearest"][0]
     assert best["name"] == name
@@ -114,7 +105,6 @@ def test_the_nearest_cable_is_named_or_none(home: Path, young_mpa: float, name: 
 def test_wrong_input_is_one_sentence(home: Path, words: tuple[object, ...], sentence: str) -> None:
     (home / "refused.json").write_text('{"refused": "P3 is missed by 7 %"}', encoding="utf-8")
     (home / "empty.json").write_text("{}", encoding="utf-8")
-    done = winding(home, *words)
-    assert done.exit_code == 2, done.output
+    done = winding(home, *words, code=2)
     assert done.stderr.startswith(f"winding: {sentence}")
     assert done.stderr.count("\n") == 1

@@ -1,13 +1,13 @@
 """`winding commission`: what is refused, the plan, and one real run that leaves a cell."""
 
 import json
-import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from in_process import winding
 
-from processes import COMMAND, PATIENCE
+from processes import PATIENCE
 from winding_core.catalogue.cables import read_cable
 from winding_core.run_spec import RunSpec
 
@@ -31,47 +31,30 @@ OF_CASE = ("commission", "--case", 4, "--law", "neo_hookean")
         (("--output", "kept"), "kept exists already"),
     ],
 )
-def test_what_cannot_be_commissioned_is_refused_in_one_sentence(
-    tmp_path: Path, words: tuple[object, ...], sentence: str
-) -> None:
+def test_bad_options_are_refused(tmp_path: Path, words: tuple[object, ...], sentence: str) -> None:
     (tmp_path / "there.yaml").write_text("mine", encoding="utf-8")
     (tmp_path / "kept").mkdir()
     before = sorted(tmp_path.rglob("*"))
-    done = winding(tmp_path, *OF_CASE, *words)
-    assert done.exit_code == 2, done.output
-    assert sentence in done.stderr
+    assert sentence in winding(tmp_path, *OF_CASE, *words, code=2).stderr
     assert sorted(tmp_path.rglob("*")) == before
     assert (tmp_path / "there.yaml").read_text(encoding="utf-8") == "mine"
 
 
 def test_a_plan_moves_and_writes_nothing(tmp_path: Path) -> None:
-    done = winding(tmp_path, *OF_CASE, "--plan")
-    assert done.exit_code == 0, done.output
-    assert "chosen: " in done.stdout
+    assert "chosen: " in winding(tmp_path, *OF_CASE, "--plan", code=0).stdout
     assert not list(tmp_path.iterdir())
 
 
 def test_without_a_brake_the_weight_pulls(tmp_path: Path) -> None:
     words = ("--machine", "external", "--plan")
-    done = winding(tmp_path, *OF_CASE, *words)
-    assert done.exit_code == 0, done.output
-    assert "pull 3.92 N throughout" in done.stdout
+    assert "pull 3.92 N throughout" in winding(tmp_path, *OF_CASE, *words, code=0).stdout
 
 
 @pytest.mark.campaign
 @pytest.mark.processes
-@pytest.mark.slow
-def test_a_real_run_leaves_a_cell_and_a_cable(tmp_path: Path) -> None:
+def test_a_real_run_leaves_a_cell_and_a_cable(command: Any, tmp_path: Path) -> None:
     words = (*OF_CASE, "--speed", 0, "--output", "run", "--truth", "truth.json", "--name", "hose")
-    done = subprocess.run(
-        [*COMMAND, *map(str, words)],
-        cwd=tmp_path,
-        capture_output=True,
-        text=True,
-        timeout=4.0 * PATIENCE,
-        check=False,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
+    command(*words, cwd=tmp_path, patience=4.0 * PATIENCE, code=0)
     run = tmp_path / "run"
     found = json.loads((run / "commissioning.json").read_bytes())
     hidden = json.loads((tmp_path / "truth.json").read_bytes())["hidden"]

@@ -1,7 +1,6 @@
 """`winding run --json -`: one document on standard output, and everything else beside it."""
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,12 +16,9 @@ CELL = "condition: {case: 11, duration_s: 1.3}\nrecording: {json: '-', output: l
     "words",
     [("--case", 11, "--duration-s", 1.3, "--output", "left", "--json", "-"), ("cell.yaml",)],
 )
-def test_json_of_a_run_goes_to_stdout_alone(
-    words: tuple[object, ...], command: Callable[..., Any], tmp_path: Path
-) -> None:
+def test_json_goes_to_stdout_alone(words: tuple[object, ...], command: Any, tmp_path: Path) -> None:
     (tmp_path / "cell.yaml").write_text(CELL, encoding="utf-8")
-    done = command("run", *words, "--speed", 0, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done = command("run", *words, "--speed", 0, cwd=tmp_path, code=0)
     outcome = json.loads(done.stdout)["outcome"]
     assert outcome["done"]["time_s"] == pytest.approx(1.3)
     for sentence in outcome["sentences"]:

@@ -107,9 +107,7 @@ def test_a_goal_without_a_process_is_refused_and_the_next_is_taken(tmp_path: Pat
     assert taken.goal is None
 
 
-def test_a_run_is_recorded_beside_its_numbers_and_the_result_names_the_folder(
-    tmp_path: Path,
-) -> None:
+def test_a_run_is_recorded_beside_its_numbers_and_the_result_names_it(tmp_path: Path) -> None:
     script = """
 import json, sys
 from pathlib import Path
@@ -159,13 +157,11 @@ def server(tmp_path: Path) -> Iterator[Path]:
 def test_a_goal_is_wound_with_feedback_and_a_result(
     server: Path, ros: Any, command: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    second = command("serve", "--namespace", NAMESPACE, cwd=server.parent)
-    assert second.returncode == 2
+    second = command("serve", "--namespace", NAMESPACE, cwd=server.parent, code=2)
     assert f"already has a server of goals in namespace /{NAMESPACE}" in second.stderr
     # Another user, or a container, has other locks.
     monkeypatch.setenv("TMPDIR", str(server.parent))
-    third = command("serve", "--namespace", NAMESPACE, cwd=server.parent)
-    assert third.returncode == 2
+    third = command("serve", "--namespace", NAMESPACE, cwd=server.parent, code=2)
     assert f"has a server of goals in /{NAMESPACE}" in third.stderr
     node = ros.plain("controller")
     states: list[int] = []

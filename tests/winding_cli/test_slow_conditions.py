@@ -41,21 +41,17 @@ def test_the_solver_of_a_cell_is_the_node_s(cell: Path) -> None:
 
 
 def test_a_segment_that_cannot_be_wound_is_refused_before_the_run(cell: Path) -> None:
-    done = winding(cell.parent, "cell", "check", "cell.yaml")
-    assert done.exit_code == 0, done.stderr
+    done = winding(cell.parent, "cell", "check", "cell.yaml", code=0)
     cell.write_text(SCALED.replace("segment_mm: 4", "segment_mm: 20"), encoding="utf-8")
-    done = winding(cell.parent, "cell", "check", "cell.yaml")
-    assert done.exit_code == 2
+    done = winding(cell.parent, "cell", "check", "cell.yaml", code=2)
     assert "segment_length must be at most 0.3 of the free length 0.05 m" in done.stderr
 
 
 def test_a_cell_is_predicted_and_what_is_typed_wins(cell: Path) -> None:
-    done = winding(cell.parent, "predict", str(cell), "--check", "--tension-n", "30")
-    assert done.exit_code == 0, done.stderr
+    done = winding(cell.parent, "predict", str(cell), "--check", "--tension-n", "30", code=0)
     assert "elements of 4 mm" in done.stdout
     assert "tension 30 N there" in done.stdout
-    done = winding(cell.parent, "predict", str(cell), "--element", "solid")
-    assert done.exit_code == 2
+    done = winding(cell.parent, "predict", str(cell), "--element", "solid", code=2)
     assert "bending_factor must be 1" in done.stderr
 
 
@@ -74,6 +70,5 @@ def test_a_run_that_is_too_fast_for_the_solver_is_told_before_it_begins(
 def test_a_run_that_no_scaling_helps_is_told_so() -> None:
     # A clock that has always gone on by a second.
     seconds = iter(map(float, range(1000)))
-    run = RunParameters(case=4).plan()
-    sentence = falling_behind(run, lambda: next(seconds), pace=1000.0)
+    sentence = falling_behind(RunParameters(case=4).plan(), lambda: next(seconds), pace=1000.0)
     assert "still too much: wind slower, or take longer elements" in sentence

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import pytest
 import typer
 
+from processes import python, ran
 from winding_cli.terminal.output_path import (
     UNFINISHED,
     check_output_file,
@@ -37,9 +37,7 @@ except KeyboardInterrupt:
 
 
 def test_second_signal_kills_the_children_and_lets_closing_go_on() -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", INTERRUPTED_TWICE], capture_output=True, text=True, check=True
-    )
+    done = python(INTERRUPTED_TWICE, check=True)
     assert done.stdout.splitlines() == ["closed, child -9", "interrupted"]
 
 
@@ -123,13 +121,8 @@ def test_full_disk_is_refused_before_anything_starts(small_disk: Path, capsys: A
 
 def output_to(target: str) -> tuple[int, str]:
     """Return exit code and stderr of a command whose output goes through the shell."""
-    done = subprocess.run(
-        ["bash", "-c", f'set -o pipefail; "{sys.executable}" -m winding_cli.cli graph {target}'],
-        capture_output=True,
-        text=True,
-        timeout=120.0,
-        check=False,
-    )
+    line = f'set -o pipefail; "{sys.executable}" -m winding_cli.cli graph {target}'
+    done = ran("bash", "-c", line, timeout=120.0)
     return done.returncode, done.stderr
 
 

@@ -55,41 +55,21 @@ def test_way_of_the_example_is_allowed(tmp_path: Path) -> None:
         ({}, 0.5, 0.01, r"the guide would go to 0\.5 m, beyond its travel of -0\.05 to 0\.4 m"),
         ({}, -0.06, 0.01, r"the guide would go to -0\.06 m, beyond its travel"),
         ({}, 0.1, 0.1, r"the guide would go at 0\.1 m/s, its largest speed is 0\.08 m/s"),
-        (
-            {"commands": {"high_m": 2.0}},
-            1.5,
-            0.01,
-            r"the arm does not reach \(.*\) m with its tool turned as it is",
-        ),
-        (
-            {"commands": {"speed_m_s": 5.0}},
-            0.1,
-            4.0,
-            r"at 0 m the guide would go at 4 m/s, \w+_joint allows [\d.]+ m/s there",
-        ),
-        (
-            {"path": {"clearance_m": 0.2}},
-            0.1,
-            0.01,
-            r"with the guide at 0 m the arm comes as near as 1\d\d mm to the cylinder, its "
-            r"clearance is 200 mm",
-        ),
-        (
-            {"path": {"home_rad": [0.0, 1.0]}},
-            0.1,
-            0.01,
-            r"home_rad of path needs a position for each of shoulder_pan_joint, .*, got 2",
-        ),
-        (
-            {"path": {"along_m": [0.1, 0.0], "span_m": [0.2, 0.3]}},
-            0.1,
-            0.01,
-            r"along_m must ascend and span_m hold as many positive lengths, got \[0\.1, 0\.0\]",
-        ),
+        ({"commands": {"high_m": 2.0}}, 1.5, 0.01,
+         r"the arm does not reach \(.*\) m with its tool turned as it is"),
+        ({"commands": {"speed_m_s": 5.0}}, 0.1, 4.0,
+         r"at 0 m the guide would go at 4 m/s, \w+_joint allows [\d.]+ m/s there"),
+        ({"path": {"clearance_m": 0.2}}, 0.1, 0.01,
+         r"with the guide at 0 m the arm comes as near as 1\d\d mm to the cylinder, its "
+         r"clearance is 200 mm"),
+        ({"path": {"home_rad": [0.0, 1.0]}}, 0.1, 0.01,
+         r"home_rad of path needs a position for each of shoulder_pan_joint, .*, got 2"),
+        ({"path": {"along_m": [0.1, 0.0], "span_m": [0.2, 0.3]}}, 0.1, 0.01,
+         r"along_m must ascend and span_m hold as many positive lengths, got \[0\.1, 0\.0\]"),
         ({"guide": {"urdf": ""}}, 0.1, 0.01, r"need the arm's urdf"),
         ({"winder_axis": {"position_m": [5.0, 0.0, 0.0]}}, 0.1, 0.01, r"does not reach"),
     ],
-)
+)  # fmt: skip
 def test_what_the_arm_cannot_do_is_refused_with_its_number(
     tmp_path: Path, sections: dict[str, dict[str, object]], end: float, speed: float, sentence: str
 ) -> None:

@@ -47,8 +47,7 @@ def test_what_is_stated_beside_a_cable_wins(library: Path) -> None:
     assert (other.young, other.weight, other.nominal_stress) == (3.0e6, 0.0, 1.0e5)
     # Another cylinder is another winding: nothing of the trial is taken.
     own = {**named, "cylinder_diameter_mm": 80, "tension_n": 5}
-    wound = RunSpec.from_cell(None, own).condition
-    assert wound.angular_speed == pytest.approx(1.74)
+    assert RunSpec.from_cell(None, own).condition.angular_speed == pytest.approx(1.74)
     case = RunSpec.from_cell(None, {**named, "case": 4}).condition.resolved().case
     assert (case.cylinder_diameter, case.cable_diameter) == (0.03, 0.012)
 
@@ -95,9 +94,7 @@ def test_own_cables_lie_in_the_users_data(monkeypatch: pytest.MonkeyPatch, tmp_p
         ("cable_diameter_mm: 12, ", "", "a cable needs cable_diameter_mm and young_mpa"),
     ],
 )
-def test_a_wrong_file_is_refused_with_its_place(
-    library: Path, old: str, new: str, sentence: str
-) -> None:
+def test_a_wrong_file_is_refused_by_place(library: Path, old: str, new: str, sentence: str) -> None:
     file = library / "mine.yaml"
     file.write_text(HOSE.replace(old, new), encoding="utf-8")
     with pytest.raises(CableError) as refused:

@@ -69,7 +69,6 @@ class Checkout:
         self.write()
 
     def write(self, factor: int = 2, default: int = 1, docstring: str = "Text") -> None:
-        """Write the inner kernel."""
         content = INNER.format(factor=factor, default=default, docstring=docstring)
         self.inner.write_text(content, encoding="utf-8")
 
@@ -137,9 +136,7 @@ def test_code_goes_to_the_users_own_folder_without_the_variable(checkout: Checko
         ("code of another user", r"\.nbi belongs to another user"),
     ],
 )
-def test_a_cache_that_cannot_be_used_is_a_warning(
-    checkout: Checkout, broken: str, reason: str
-) -> None:
+def test_an_unusable_cache_is_a_warning(checkout: Checkout, broken: str, reason: str) -> None:
     root = checkout.cache / "winding-kernels"
     if broken == "a file":
         checkout.cache.write_text("")

@@ -21,7 +21,7 @@ from winding_core.cable.condition import Condition
 from winding_core.cable.prony import PronySeries
 from winding_core.helix import PAPER_FREE_LENGTH, curve_length, guide_distance_of
 from winding_core.machine.tension import DeadWeight, RigTension
-from winding_core.parameters import ParameterError, declarations, options, shown_values
+from winding_core.parameters import ParameterError, options, shown_values
 
 MEASURED = [(row, row.experiment) for row in published_markers() if row.experiment is not None]
 # What a table computed from lengths printed to 0.01 mm, and itself printed to 0.01 %, may miss.
@@ -45,9 +45,7 @@ def test_a_case_stays_the_paper_s() -> None:
         ({"markers": 6}, 4, 6),
     ],
 )
-def test_another_cable_is_no_published_case(
-    typed: dict[str, object], number: int, markers: int
-) -> None:
+def test_own_cable_is_not_published(typed: dict[str, object], number: int, markers: int) -> None:
     case = Condition.from_typed({"case": 4, **typed}).resolved().case
     assert (case.number, case.marker_count) == (number, markers)
     assert not case.is_published
@@ -93,12 +91,6 @@ def test_what_is_shown_can_be_typed_again() -> None:
     shown = shown_values(Condition, values)
     again = Condition.from_typed({key: value for key, value in shown.items() if value != 0.0})
     assert again == condition
-
-
-def test_every_parameter_is_described() -> None:
-    assert declarations(Condition)
-    for item in declarations(Condition):
-        assert item.description
 
 
 def test_terms_are_read_in_order() -> None:

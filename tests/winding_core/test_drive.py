@@ -33,9 +33,7 @@ DRIVES = (
         (21.0, 35.67, 0.1025),
     ],
 )
-def test_the_papers_drive_is_where_its_closed_form_is(
-    t: float, angle: float, carriage: float
-) -> None:
+def test_the_papers_drive_follows_its_closed_form(t: float, angle: float, carriage: float) -> None:
     assert PAPER.positions(t) == pytest.approx((angle, carriage), rel=1e-14, abs=1e-15)
 
 

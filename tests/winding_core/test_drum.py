@@ -86,8 +86,7 @@ def test_mass_and_inertia_are_those_of_a_hollow_cylinder_of_the_same_cable() -> 
     inner, outer = wound.radii[0] - half, wound.radii[-1] + half
     # Layers of 200 and 199 turns in turn, which is worth a share of 1 / 400 of the outermost.
     assert wound.inertia(0.01) == pytest.approx(0.5 * mass * (inner**2 + outer**2), rel=2.5e-3)
-    tapered = np.full(40, 0.01)
-    assert wound.inertia(tapered) == pytest.approx(wound.inertia(0.01), rel=1e-12)
+    assert wound.inertia(np.full(40, 0.01)) == pytest.approx(wound.inertia(0.01), rel=1e-12)
 
 
 @settings(max_examples=60, deadline=None)

@@ -53,8 +53,7 @@ def test_largest_error_keeps_its_sign_and_its_turn() -> None:
 
 
 def test_no_error_where_nothing_is_wanted() -> None:
-    errors = lay_errors(lay(3.0), wanted(2.0))
-    assert np.isnan(errors[-1])
+    assert np.isnan(lay_errors(lay(3.0), wanted(2.0))[-1])
     assert [turn.number for turn in turn_errors(lay(3.0), wanted(2.0))] == [1, 2]
     assert turn_errors(lay(3.0), WantedLine.of([], [])) == ()
 
@@ -79,7 +78,6 @@ def test_one_place_decides(off: float, kept: bool) -> None:
     records["z"][200] += off
     verdict = judged(records)
     assert verdict.kept is kept
-    assert verdict.worst is not None
     assert verdict.worst.number == int(records["theta"][200] / TURN) + 1
 
 
@@ -109,9 +107,7 @@ def test_run_of_two_turns_is_not_judged() -> None:
 
 @pytest.mark.parametrize("oldest", [0.0, 5.0])
 @pytest.mark.parametrize("angle", [0.4, 3.0, 33.93, 34.5])
-def test_wound_angles_of_the_cable_count_from_the_contact_line_back(
-    angle: float, oldest: float
-) -> None:
+def test_wound_angles_count_from_the_contact_line_back(angle: float, oldest: float) -> None:
     radius, theta = 17.0e-3, np.arange(oldest, angle, 0.31)
     on, free = theta.size, np.arange(1.0, 30.0)
     cable = np.zeros(on + free.size, CABLE_DTYPE)

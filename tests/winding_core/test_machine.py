@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from scipy.spatial.transform import Rotation
 
 from marker_tracker_node.camera.pinhole import CameraPose
@@ -33,9 +34,7 @@ RNG = np.random.default_rng(3)
 
 
 def reading(angle: float, position: float, omega: float = 0.0, feed: float = 0.0) -> AxisReading:
-    return AxisReading(
-        cylinder_angle=angle, angular_speed=omega, carriage_position=position, feed_speed=feed
-    )
+    return axis_reading(angle, position, speed=omega, feed=feed)
 
 
 def wound(t: float, sample_rate: float, axes: MachineAxes) -> AxisReading:
@@ -152,41 +151,25 @@ def test_tension_beyond_five_weights_is_refused() -> None:
     assert LIMITS.against_tension(20.1) == "tension must be at most 20 N, got 20.1 N"
 
 
+ARRIVE = "messages/s arrive on it with"
+OTHERS = "configured are wheel and sled: --cylinder-joint and --carriage-joint name others"
+
+
 @pytest.mark.parametrize(
     ("names", "sentence"),
     [
         ([], ""),
         ([["wheel", "sled", "brake"]] * 80, ""),
-        (
-            [["joint1", "joint2"]] * 80,
-            "40 messages/s arrive on it with joints joint1, joint2; configured are wheel and sled: "
-            "--cylinder-joint and --carriage-joint name others",
-        ),
-        (
-            [["wheel"], ["sled"]] * 50,
-            "50 messages/s arrive on it with joints sled, wheel, one in each; each message needs "
-            "both wheel and sled",
-        ),
-        (
-            [["wheel"]] * 10,
-            "5 messages/s arrive on it with joint wheel; configured are wheel and sled: "
-            "--cylinder-joint and --carriage-joint name others",
-        ),
-        (
-            [["a"], ["b"]] * 30,
-            "30 messages/s arrive on it with joints a, b, one in each; configured are wheel and "
-            "sled: --cylinder-joint and --carriage-joint name others; each message needs both",
-        ),
-        (
-            [[]] * 6,
-            "3 messages/s arrive on it with no joints; configured are wheel and sled: "
-            "--cylinder-joint and --carriage-joint name others",
-        ),
+        ([["joint1", "joint2"]] * 80, f"40 {ARRIVE} joints joint1, joint2; {OTHERS}"),
+        ([["wheel"], ["sled"]] * 50,
+         f"50 {ARRIVE} joints sled, wheel, one in each; each message needs both wheel and sled"),
+        ([["wheel"]] * 10, f"5 {ARRIVE} joint wheel; {OTHERS}"),
+        ([["a"], ["b"]] * 30,
+         f"30 {ARRIVE} joints a, b, one in each; {OTHERS}; each message needs both"),
+        ([[]] * 6, f"3 {ARRIVE} no joints; {OTHERS}"),
     ],
-)
-def test_joints_that_are_missing_are_described_by_what_arrives(
-    names: list[list[str]], sentence: str
-) -> None:
+)  # fmt: skip
+def test_missing_joints_are_described_by_arrivals(names: list[list[str]], sentence: str) -> None:
     axes = MachineAxes(cylinder_joint="wheel", carriage_joint="sled")
     assert missing_joints("it", names, 2.0, axes) == sentence
 
@@ -197,7 +180,6 @@ def frame(urdf: str, link: str, joints: dict[str, float]) -> np.ndarray:
     joints = dict(joints)
     for item in root.iterfind("joint[mimic]"):
         rule = item.find("mimic")
-        assert rule is not None
         multiplier, offset = float(rule.get("multiplier", 1.0)), float(rule.get("offset", 0.0))
         joints[item.get("name", "")] = multiplier * joints[rule.get("joint", "")] + offset
     above = {item.find("child").get("link"): item for item in root.iterfind("joint")}  # type: ignore[union-attr]
@@ -284,7 +266,6 @@ def test_the_carriage_is_held_to_its_travel_and_speed(
     limits = CarriageLimits(low=-0.05, high=0.4, speed=0.033)
     root = ET.fromstring(machine_urdf(WHAT, axes, carriage=limits))
     limit = root.find(f"joint[@name='{joint}']/limit")
-    assert limit is not None
     assert [float(limit.get(end, "")) for end in ("lower", "upper")] == pytest.approx(ends)
     assert float(limit.get("velocity", "")) == 0.033
 
@@ -295,23 +276,16 @@ def test_bodies_have_masses_that_a_rigid_body_can_have() -> None:
         if link.get("name") == "winder_axis":
             continue
         mass, tensor = link.find("inertial/mass"), link.find("inertial/inertia")
-        assert mass is not None
-        assert tensor is not None
         assert float(mass.get("value", "")) > 0.0
         x, y, z = (float(tensor.get(name, "")) for name in ("ixx", "iyy", "izz"))
         assert min(x, y, z) > 0.0
         # No moment exceeds the sum of the others.
         assert 2.0 * max(x, y, z) <= x + y + z
     drum = root.find("link[@name='cylinder']")
-    assert drum is not None
     shapes = [drum.find(f"{part}/geometry/cylinder") for part in ("visual", "collision")]
-    assert shapes[0] is not None
-    assert shapes[1] is not None
     assert shapes[0].attrib == shapes[1].attrib
     radius, length = (float(shapes[0].get(name, "")) for name in ("radius", "length"))
     tensor, mass = drum.find("inertial/inertia"), drum.find("inertial/mass")
-    assert tensor is not None
-    assert mass is not None
     per_mass = {name: float(tensor.get(name, "")) / float(mass.get("value", ""))
                 for name in ("ixx", "izz")}  # fmt: skip
     assert per_mass == pytest.approx(

@@ -76,8 +76,7 @@ def test_more_bits_than_configured_are_refused() -> None:
 
 def test_a_label_can_be_overruled() -> None:
     mislabelled = raw("bgr8")._replace(encoding="rgb8")
-    frame = PixelReader(encoding="bgr8").frame(mislabelled)
-    np.testing.assert_array_equal(frame, colours())
+    np.testing.assert_array_equal(PixelReader(encoding="bgr8").frame(mislabelled), colours())
 
 
 @pytest.mark.parametrize(
@@ -95,9 +94,7 @@ def test_a_label_can_be_overruled() -> None:
         ),
     ],
 )
-def test_what_is_no_picture_is_refused_with_its_reason(
-    changes: dict[str, object], sentence: str
-) -> None:
+def test_what_is_no_picture_is_refused(changes: dict[str, object], sentence: str) -> None:
     image = raw("bgr8")._replace(**changes)  # type: ignore[arg-type]
     with pytest.raises(ImageFormatError, match=sentence):
         PixelReader().frame(image)

@@ -62,6 +62,8 @@ REFUSALS: list[Refusal] = [
              "must be positive and finite"),
     (lambda: Case(**CASE, marker_count=0), "marker_count must be at least 1, got 0"),
     *by_name(Material, ("young", "density"), (0.0, -1.0, math.nan), "must be positive"),
+    *by_name(Material, ("axial_factor", "bending_factor"), (0.0, -1.0, *NOT_FINITE),
+             "must be positive and finite"),
     *by_name(Material, ("poisson",), (0.5, -0.1, math.nan), "must lie in"),
     *for_each(partial(length_error_pct, 0.1), (0.0, -0.1, math.nan),
               "predicted length must be positive"),

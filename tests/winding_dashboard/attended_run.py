@@ -23,7 +23,6 @@ class AttendedRun:
     process: "subprocess.Popen[str]"
 
     def page(self) -> psutil.Process | None:
-        """Return the page's present process."""
         for child in psutil.Process(self.process.pid).children():
             # One that was killed a moment ago has no command line any more.
             with contextlib.suppress(psutil.NoSuchProcess):

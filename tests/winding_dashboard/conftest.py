@@ -122,7 +122,6 @@ def crowd() -> Iterator[Crowd]:
 
 @pytest.fixture(scope="module")
 def motion_of() -> Iterator[Callable[[str], Motion]]:
-    """Follow the machines of namespaces."""
     motions = []
 
     def follow(namespace: str) -> Motion:
@@ -155,7 +154,6 @@ def operated(
         ) as graph,
         serving(*words, env=environment) as page,
     ):  # fmt: skip
-        assert graph.stdout is not None
         assert graph.stdout.readline() == "READY\n"
         yield Operated(url=page.url, motion=motion_of(NAMESPACE))
 

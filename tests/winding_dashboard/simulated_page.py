@@ -161,8 +161,6 @@ class Desk:
         self._transport = httpx.ASGITransport(app=app)
 
     def request(self, method: str, path: str, **more: Any) -> httpx.Response:
-        """Return the server's answer."""
-
         async def ask() -> httpx.Response:
             async with httpx.AsyncClient(transport=self._transport, base_url=URL) as client:
                 return await client.request(method, path, **more)
@@ -170,7 +168,6 @@ class Desk:
         return asyncio.run(ask())
 
     def look(self, query: str = "") -> dict[str, Any]:
-        """Return a snapshot of this moment."""
         self.served.changed()
         answer = self.request("GET", f"/snapshot{query}")
         assert answer.status_code == 200, answer.text

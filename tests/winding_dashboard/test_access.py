@@ -43,8 +43,7 @@ def test_foreign_name_that_resolves_here_is_refused() -> None:
 
 
 def test_other_sites_cannot_ask_on_the_operators_behalf() -> None:
-    refused = get("http://127.0.0.1:8080/", origin="http://evil.example")
-    assert refused.status_code == 403
+    assert get("http://127.0.0.1:8080/", origin="http://evil.example").status_code == 403
     assert get("http://127.0.0.1:8080/", origin="http://127.0.0.1:8080").status_code == 200
 
 
@@ -166,6 +165,5 @@ def test_host_that_is_no_address_is_refused() -> None:
 
 @pytest.mark.slow
 def test_command_refuses_before_it_serves(command: Any, tmp_path: Any) -> None:
-    finished = command("dashboard", "--host", "0.0.0.0", cwd=tmp_path)
-    assert finished.returncode == 2
+    finished = command("dashboard", "--host", "0.0.0.0", cwd=tmp_path, code=2)
     assert finished.stderr.startswith("winding: host 0.0.0.0 can be reached from other machines")

@@ -8,6 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from controlled_page import note_run
 from simulated_page import fresh_state, wound
 
@@ -15,8 +16,8 @@ import winding_dashboard
 from winding_core.cable.condition import Condition
 from winding_core.lay.records import LAY_DTYPE, ControlMode, LayFlag, LayRecords
 from winding_core.machine.drum import Drum
-from winding_core.machine.readings import AxisReading, ImageWindow
-from winding_core.markers import CABLE_DTYPE, MarkerFlag, wound_markers
+from winding_core.machine.readings import ImageWindow
+from winding_core.markers import CABLE_DTYPE, MarkerFlag, Markers, wound_markers
 from winding_dashboard.drawings.camera_overlay import band_overlay, lay_overlay, measured_count
 from winding_dashboard.drawings.cylinder_view import SIZE, Sight, cable_shape, cylinder_drawing
 from winding_dashboard.drawings.lay_charts import defect_sentence, helix_errors
@@ -31,15 +32,6 @@ DISTORTION = np.array([-0.12, 0.05, 0.001, -0.0007, 0.02])
 POSITION = np.array([0.4175, 0.0, 0.05])
 WINDOW = ImageWindow(x_offset=0, y_offset=393, width=1920, height=288, binning=3)
 ADVANCE, RADIUS = 2.9e-3, 0.017
-VIEW = CameraView(
-    matrix=np.array([[5000.0, 0.0, 960.0], [0.0, 5000.0, 540.0], [0.0, 0.0, 1.0]]),
-    distortion=np.zeros(5),
-    window=ImageWindow(),
-    width=1920,
-    height=1080,
-    position=np.array([0.4175, 0.0, 0.03]),
-    tilt=np.zeros(3),
-)
 X, Y = Ends(0.0, 10.0, 5.0), Ends(0.0, 100.0, 50.0)
 STYLE = (Path(winding_dashboard.__file__).parent / "data" / "page.css").read_text(encoding="utf-8")
 TEXT = ("ink", "soft", "predicted", "corrected", "measured", "danger", "warn", "good")
@@ -58,6 +50,14 @@ def camera(tilt: tuple[float, float, float] = (0.0, 0.0, 0.0), **changes: object
         "tilt": np.array(tilt),
     }
     return CameraView(**{**values, **changes})
+
+
+VIEW = camera(
+    distortion=np.zeros(5),
+    window=ImageWindow(),
+    height=1080,
+    position=np.array([0.4175, 0.0, 0.03]),
+)
 
 
 @pytest.mark.parametrize("tilt", [(0.0, 0.0, 0.0), (0.03, -0.05, 0.02)])
@@ -82,16 +82,14 @@ def test_window_and_binning_follow_rep_104() -> None:
     assert camera().size == (640, 96)
 
 
+def marked(angle: float, *flags: int) -> Markers:
+    ids = np.arange(len(flags))
+    at = {"radius": 0.017, "cylinder_angle": angle, "flags": np.array(flags)}
+    return wound_markers(ids=ids, theta=0.0 * ids, z=0.02 + 0.03 * ids, **at)
+
+
 def overlay(angle: float, *flags: int, turned: float = 0.0) -> str:
-    records = wound_markers(
-        ids=np.arange(len(flags)),
-        theta=np.zeros(len(flags)),
-        z=0.02 + 0.03 * np.arange(len(flags)),
-        radius=0.017,
-        cylinder_angle=angle,
-        flags=np.array(flags),
-    )
-    return band_overlay(records, camera(), cable_radius=0.002, turned=turned)
+    return band_overlay(marked(angle, *flags), camera(), cable_radius=0.002, turned=turned)
 
 
 def test_every_band_that_faces_the_camera_is_framed_and_named() -> None:
@@ -118,22 +116,8 @@ def test_frame_moves_with_the_cylinder() -> None:
 
 
 def test_only_what_this_frame_shows_counts_as_measured() -> None:
-    flags = [
-        0,
-        MarkerFlag.TOUCHING,
-        MarkerFlag.PREDICTED,
-        MarkerFlag.OCCLUDED,
-        MarkerFlag.NOT_WOUND,
-    ]
-    records = wound_markers(
-        ids=np.arange(5),
-        theta=np.zeros(len(flags)),
-        z=0.0,
-        radius=0.017,
-        cylinder_angle=0.0,
-        flags=np.array(flags),
-    )
-    assert measured_count(records) == 2
+    unseen = (MarkerFlag.PREDICTED, MarkerFlag.OCCLUDED, MarkerFlag.NOT_WOUND)
+    assert measured_count(marked(0.0, 0, MarkerFlag.TOUCHING, *unseen)) == 2
 
 
 def lay(turns: float = 3.0, angle: float = 20.0) -> LayRecords:
@@ -194,9 +178,7 @@ def test_nothing_is_drawn_before_anything_was_measured() -> None:
 def test_the_commanded_advance_is_kept_while_the_machine_stands() -> None:
     state = ViewState(nodes=["winding_rig"], machine="winding_rig", solver="cable_fem")
     for t, speed in ((1.0, 2.0), (2.0, 0.0)):
-        moving = AxisReading(
-            cylinder_angle=t, angular_speed=speed, carriage_position=0.0, feed_speed=5e-3 * speed
-        )
+        moving = axis_reading(t, speed=speed, feed=5e-3 * speed)
         state.note_axes(t, moving)
         state.setpoints = moving
         state.tick(t)
@@ -205,7 +187,6 @@ def test_the_commanded_advance_is_kept_while_the_machine_stands() -> None:
 
 def path(drawing: str, kind: str) -> str:
     found = re.search(rf'class="{kind}[^"]*" d="([^"]*)"', drawing)
-    assert found is not None
     return found.group(1)
 
 
@@ -235,7 +216,6 @@ def test_last_point_of_a_thinned_curve_is_its_newest() -> None:
 def test_band_lies_between_its_ends() -> None:
     drawn = chart([], X, Y, bands=[Band(x=(5.0, 10.0), y=(0.0, 50.0))])
     height = re.search(r'height="([\d.]+)"', drawn)
-    assert height is not None
     assert float(height.group(1)) == pytest.approx(0.5 * (150.0 - 8.0 - 20.0))
 
 
@@ -300,7 +280,6 @@ def test_cable_is_drawn_evenly_with_its_tension() -> None:
     cable["z"] = [0.0, 0.01, 0.05]
     cable["tension"] = [1.0, 1.0, 3.0]
     shape = cable_shape(cable, count=11)
-    assert shape is not None
     steps = np.linalg.norm(np.diff(shape.points, axis=0), axis=1)
     # Positions are single precision: 1e-7 of the cable's length.
     assert steps == pytest.approx(np.full(10, 0.005), rel=1e-5)

@@ -85,9 +85,7 @@ def asking(request: Any, standing_page: Any, new_tab: Callable[[str, str], Any])
     tab.page.unroute_all(behavior="ignoreErrors")
 
 
-def test_stop_is_pressed_while_a_question_is_open(
-    asking: Any, standing_page: Any, pictures: Path
-) -> None:
+def test_stop_is_pressed_beside_a_question(asking: Any, standing_page: Any, pictures: Path) -> None:
     page = asking.page
     assert len(asking.questions) > 5
     for action, question in asking.questions.items():
@@ -119,9 +117,7 @@ def test_question_that_is_no_longer_to_be_asked_goes(asking: Any) -> None:
     asking.wait_for("!byId('ask-record').open")
 
 
-def test_stop_goes_before_requests_that_are_never_answered(
-    standing_page: Any, new_tab: Callable[[str, str], Any]
-) -> None:
+def test_stop_goes_before_requests_never_answered(standing_page: Any, new_tab: Any) -> None:
     tab = new_tab("desk", standing_page.url)
     tab.wait_for("shown.form?.fields")
     # A browser has six connections to a server.
@@ -131,9 +127,7 @@ def test_stop_goes_before_requests_that_are_never_answered(
     tab.answered("emergency stop: done")
 
 
-def test_stop_of_an_offline_page_says_that_it_is_not_answered(
-    standing_page: Any, new_tab: Callable[[str, str], Any]
-) -> None:
+def test_stop_of_an_offline_page_says_it_is_not_answered(standing_page: Any, new_tab: Any) -> None:
     tab = new_tab("phone", standing_page.url)
     tab.wait_for("shown.sequence > 0")
     tab.page.context.set_offline(True)

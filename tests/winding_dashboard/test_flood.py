@@ -169,9 +169,7 @@ def crowded(crowd: Any) -> Callable[[bytes], tuple[int, Any]]:
     ],
     ids=["half headers", "half bodies", "nothing"],
 )
-def test_a_crowd_of_half_open_connections_keeps_no_stop_out(
-    crowded: Any, crowd: Any, opening: bytes
-) -> None:
+def test_half_open_connections_keep_no_stop_out(crowded: Any, crowd: Any, opening: bytes) -> None:
     port, page = crowded(opening)
     asked = http.client.HTTPConnection("127.0.0.1", port, timeout=60.0)
     crowd.callback(asked.close)

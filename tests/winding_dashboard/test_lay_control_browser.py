@@ -58,9 +58,7 @@ def test_switch_asks_acts_and_is_shown(controlled_page: Any, new_tab: Any) -> No
     )
 
 
-def test_typed_values_stay_when_another_tab_prepares_a_case(
-    standing_page: Any, new_tab: Any
-) -> None:
+def test_typed_values_stay_when_another_tab_prepares(standing_page: Any, new_tab: Any) -> None:
     first, second = (new_tab("desk", standing_page.url) for _ in range(2))
     for tab in (first, second):
         tab.wait_for("document.querySelector('[name=case]').value !== ''")
@@ -81,9 +79,7 @@ def test_typed_values_stay_when_another_tab_prepares_a_case(
     assert setup.get_by_label("Cylinder diameter, mm").input_value() == ""
 
 
-def test_limit_that_is_refused_or_empty_leaves_the_one_that_holds(
-    standing_page: Any, new_tab: Any
-) -> None:
+def test_limit_that_is_refused_or_empty_changes_nothing(standing_page: Any, new_tab: Any) -> None:
     tab = new_tab("desk", standing_page.url)
     holds = "document.querySelector('[name=error_limit_pct]').value === '4.8'"
     tab.wait_for(holds)

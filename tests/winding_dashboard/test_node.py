@@ -9,10 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from rclpy.parameter import Parameter
 from std_srvs.srv import Trigger
 
-from winding_core.machine.readings import CABLE_TENSION, AxisReading
+from winding_core.machine.readings import CABLE_TENSION
 from winding_core.markers import wound_markers
 from winding_core.parameters import ParameterError
 from winding_core.run_options import OperatorLimits
@@ -61,9 +62,7 @@ def test_newest_of_every_topic_is_shown(ros: Any, dashboard: DashboardNode) -> N
         ids=[1], theta=np.array([6.0]), z=[0.01], radius=0.017, cylinder_angle=2.0
     )
     for sample in range(200):
-        reading = AxisReading(
-            cylinder_angle=0.01 * sample, angular_speed=1.0, carriage_position=0.0, feed_speed=0.0
-        )
+        reading = axis_reading(0.01 * sample, speed=1.0)
         out[topics.JOINT_STATES].publish(encode_joint_state(0.001 * sample, reading))
     out[topics.TENSION].publish(encode_tension(0.2, 3.9))
     out[topics.TRACKED_MARKERS].publish(encode_cloud(0.2, markers))
@@ -91,17 +90,14 @@ def test_newest_of_every_topic_is_shown(ros: Any, dashboard: DashboardNode) -> N
 def test_message_that_cannot_be_used_is_counted_and_changes_nothing(
     ros: Any, dashboard: DashboardNode
 ) -> None:
-    probe = ros.plain()
-    out = topics.TENSION.advertise(probe)
+    out = topics.TENSION.advertise(ros.plain())
     ros.spin_until(out.get_subscription_count)
     out.publish(encode_tension(0.0, float("nan")))
     look_until(ros, dashboard, lambda: dashboard.topic_reader.refused == 1)
     assert np.isnan(dashboard.state.measured[CABLE_TENSION])
 
 
-def test_command_is_unavailable_until_somebody_serves_it(
-    ros: Any, dashboard: DashboardNode
-) -> None:
+def test_command_is_unavailable_until_one_serves_it(ros: Any, dashboard: DashboardNode) -> None:
     assert dashboard.service_client.unavailable("stop") == "no node serves rig/stop in /"
     assert "does not serve" in dashboard.service_client.unprepared()
     probe = ros.plain()
@@ -140,9 +136,7 @@ def test_who_plays_a_recording_is_no_machine_until_one_serves_its_commands(
     ros.spin_until(lambda: looked() == "")
 
 
-def test_topic_that_the_page_has_no_row_for_is_shown_as_text(
-    ros: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_topic_without_a_row_is_shown_as_text(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     further = replace(topics.TENSION, name="rig/sag", quantity=None, rate=None)
     spec = replace(topic_reader.PAGE, extra_subscriptions=(topics.DIAGNOSTICS, further))
     monkeypatch.setattr(topic_reader, "PAGE", spec)
@@ -163,9 +157,7 @@ def test_unanswered_emergency_stop_refers_to_the_machine_s_button(dashboard: Das
         asyncio.run(dashboard.service_client.command("emergency_stop"))
 
 
-def test_supervised_page_publishes_its_operator_s_limits(
-    ros: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_supervised_page_publishes_its_limits(ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     published: list[OperatorLimits | None] = []
     probe = ros.plain()
 

@@ -17,12 +17,7 @@ from winding_recorder.bags.description import PARAMETERS
 from winding_recorder.bags.reading import read_notes
 from winding_supervisor.watch.event_log import read_events
 
-pytestmark = [
-    pytest.mark.campaign,
-    pytest.mark.processes,
-    pytest.mark.slow,
-    pytest.mark.timeout(900),
-]
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(900)]
 
 # The run lasts 13 minutes unless it is ended: the operator's steps take two on a quick computer.
 SPEED = 0.125
@@ -139,9 +134,7 @@ def test_ending_a_recording_asks_and_leaves_a_whole_bag(desk: Any, run: Attended
     assert check(run.folder / "bag").findings == []
 
 
-def test_recording_again_goes_into_another_bag(
-    desk: Any, run: AttendedRun, new_tab: Any, pictures: Path
-) -> None:
+def test_second_bag_is_recorded(desk: Any, run: AttendedRun, new_tab: Any, pictures: Path) -> None:
     recording(desk).get_by_role("button", name="Record", exact=True).click()
     recording(desk).get_by_text(re.compile("into bag-2: ")).wait_for()
     phone = new_tab("phone", run.url)
@@ -211,9 +204,7 @@ def test_prepared_case_gets_a_bag_of_its_own(desk: Any, run: AttendedRun, motion
 
 # The runs are those that the page's tests have wound.
 @pytest.mark.usefixtures("browser")
-def test_ctrl_c_ends_the_session_and_every_run_has_its_report(
-    run: AttendedRun, motion: Any
-) -> None:
+def test_ctrl_c_ends_a_session_and_every_run_has_its_report(run: AttendedRun, motion: Any) -> None:
     code, output = run.end()
     assert code == 0, output
     assert "Curve lengths of case 5" in output

@@ -20,9 +20,7 @@ def test_axe_finds_nothing_grave(
     page.context.close()
 
 
-def test_axe_finds_nothing_grave_in_a_question_and_in_an_old_page(
-    controlled_page: Any, browser: Any
-) -> None:
+def test_axe_passes_a_question_and_an_old_page(controlled_page: Any, browser: Any) -> None:
     page = opened(browser, controlled_page.url, width=1280, dark=False)
     page.wait_for_function("shown.sequence >= 0")
     page.locator("#mode-watch").click()

@@ -16,8 +16,7 @@ from winding_dashboard.web.server import SEEN_WITHIN
 def recorded(state: ViewState, bag: str) -> None:
     values = {"bag": bag, "messages": "12345", "bytes": "67800000", "lost": "0"} if bag else {}
     state.health.note(
-        NOW,
-        [Status(name="recorder", level=Level.OK, message="recording", values=values)],
+        NOW, [Status(name="recorder", level=Level.OK, message="recording", values=values)]
     )
 
 
@@ -41,8 +40,7 @@ def test_recording_ends_with_its_session() -> None:
     recorded(state, "bag-3")
     failure = "the session cannot go on: winding_rig ended with exit code -9"
     state.note_statuses(
-        NOW,
-        [Status(name="orchestrator: run", message=failure, values={"phase": "failed"})],
+        NOW, [Status(name="orchestrator: run", message=failure, values={"phase": "failed"})]
     )
     seen = Desk(state).look()
     assert seen["texts"]["recorded"] == "nothing is being recorded"
@@ -196,8 +194,7 @@ def test_played_recording_has_nothing_to_command_prepare_or_record() -> None:
 
 
 def test_reason_why_start_is_off_stands_in_words() -> None:
-    state = fresh_state("finished")
-    seen = Desk(state).look()
+    seen = Desk(fresh_state("finished")).look()
     assert seen["off"]["start"] == "the run is finished; reset first"
     assert seen["texts"]["why-off"] == "Start is off: the run is finished; reset first"
     assert seen["off"]["emergency_stop"] == ""

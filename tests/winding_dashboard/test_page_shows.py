@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from controlled_page import note_run
 from simulated_page import NODES, NOW, Clock, Desk, Machine, fresh_state, phase, served, wound
 
@@ -91,12 +92,7 @@ def running() -> ViewState:
     state = fresh_state("winding")
     wound(state, Condition(case=4, duration=20.0))
     for t, angle, speed in ((0.0, 0.0, 0.0), (12.3, 20.0, 1.74)):
-        state.note_axes(
-            t,
-            AxisReading(
-                cylinder_angle=angle, angular_speed=speed, carriage_position=0.06, feed_speed=0.005
-            ),
-        )
+        state.note_axes(t, axis_reading(angle, 0.06, speed=speed, feed=0.005))
     state.note_measured(CABLE_TENSION, 12.3, 3.92)
     tracked = wound_markers(
         ids=[1], theta=np.array([6.0]), z=[0.01], radius=0.017, cylinder_angle=20.0
@@ -146,14 +142,10 @@ def concluded(state: ViewState, verdict: str, *sentences: str) -> None:
 @pytest.mark.parametrize(
     ("verdict", "style"),
     [
-        ("good", "kept"),
-        ("not good", "broken"),
-        ("failed", "broken"),
-        ("incomplete", "open"),
-        ("not judged", "open"),
-        ("a word of tomorrow", "open"),
+        ("good", "kept"), ("not good", "broken"), ("failed", "broken"), ("incomplete", "open"),
+        ("not judged", "open"), ("a word of tomorrow", "open"),
     ],
-)
+)  # fmt: skip
 def test_verdict_is_the_record_of_the_run_in_its_colour(verdict: str, style: str) -> None:
     state = running()
     phase(state, "finished")
@@ -280,12 +272,7 @@ def test_warnings_stand_beside_start() -> None:
 def test_source_that_falls_silent_while_time_goes_on_is_marked_with_its_age() -> None:
     state = running()
     assert " old" not in Desk(state).look()["parts"]["markers"]
-    state.note_axes(
-        15.4,
-        AxisReading(
-            cylinder_angle=25.0, angular_speed=1.74, carriage_position=0.07, feed_speed=0.005
-        ),
-    )
+    state.note_axes(15.4, axis_reading(25.0, 0.07, speed=1.74, feed=0.005))
     parts = Desk(state).look()["parts"]
     assert "3 s old" in parts["markers"]
     assert "load cell, 3 s of machine time old" in parts["figures"]
@@ -332,8 +319,7 @@ def test_text_from_the_graph_is_text_and_never_markup() -> None:
 
 @pytest.mark.parametrize("query", ["?marker=99", "?marker=x", "?yaw=91", "?pitch=nan"])
 def test_view_that_cannot_be_is_refused(query: str) -> None:
-    answer = Desk().request("GET", f"/snapshot{query}")
-    assert answer.status_code == 400
+    assert Desk().request("GET", f"/snapshot{query}").status_code == 400
 
 
 def test_cases_that_differ_by_weight_differ_in_their_first_letters() -> None:

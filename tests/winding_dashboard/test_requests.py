@@ -51,8 +51,7 @@ def desk(tmp_path: Path) -> Desk:
     report = tmp_path / "one" / "report"
     report.mkdir(parents=True)
     (report / "index.html").write_text("<p>wound</p>")
-    state = fresh_state("idle")
-    return Desk(state, runs=tmp_path)
+    return Desk(fresh_state("idle"), runs=tmp_path)
 
 
 def answered(desk: Desk, method: str, path: str, **more: Any) -> int:
@@ -126,9 +125,7 @@ def test_every_answer_says_what_browsers_may_do(desk: Desk, path: str, content: 
 
 
 @pytest.mark.slow
-def test_a_browser_runs_the_pages_own_script_and_no_other(
-    controlled_page: Any, browser: Any
-) -> None:
+def test_browser_runs_the_pages_own_script_and_no_other(controlled_page: Any, browser: Any) -> None:
     page = browser.new_page()
     complaints: list[str] = []
     page.on("console", lambda message: complaints.append(message.text))

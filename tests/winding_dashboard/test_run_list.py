@@ -52,16 +52,11 @@ def test_sessions_of_other_days_are_listed_with_all_their_runs(tmp_path: Path) -
 @pytest.mark.parametrize(
     ("verdict", "style"),
     [
-        ("good", "kept"),
-        ("not good", "broken"),
-        ("failed", "broken"),
-        ("incomplete", "open"),
+        ("good", "kept"), ("not good", "broken"), ("failed", "broken"), ("incomplete", "open"),
         ("not judged", "open"),
     ],
-)
-def test_list_prints_the_record_of_a_run_in_its_colour(
-    tmp_path: Path, verdict: str, style: str
-) -> None:
+)  # fmt: skip
+def test_list_prints_a_record_in_its_colour(tmp_path: Path, verdict: str, style: str) -> None:
     record = {"verdict": verdict, "sentences": ["ended by supervision", "12 frames lost"]}
     written(tmp_path, when=100.0, outcome=record)
     (run,) = RunList(tmp_path).runs()
@@ -115,8 +110,7 @@ def test_nothing_but_reports_is_served(tmp_path: Path, path: str) -> None:
     folder = tmp_path / "runs"
     written(folder, when=100.0)
     (tmp_path / "secret").write_text("secret", encoding="utf-8")
-    answer = Desk(runs=folder).request("GET", f"/runs/{path}")
-    assert answer.status_code == 404
+    assert Desk(runs=folder).request("GET", f"/runs/{path}").status_code == 404
 
 
 def test_page_without_a_folder_has_no_list() -> None:

@@ -3,7 +3,7 @@
 import json
 import time
 from collections.abc import Iterator
-from typing import Any, Literal
+from typing import Any
 
 import pytest
 
@@ -163,9 +163,7 @@ def test_two_browsers_and_a_phone_read_the_same(tab: Any, browser: Any, url: str
 
 @pytest.mark.campaign
 @pytest.mark.parametrize("kind", [2.0, 9.0, 30.0, "network", "reload"])
-def test_twenty_absences_leave_the_present(
-    four_tabs: list[Any], kind: float | Literal["network", "reload"]
-) -> None:
+def test_twenty_absences_leave_the_present(four_tabs: list[Any], kind: float | str) -> None:
     """Four tabs are away at the same time, in each of five ways."""
     if kind == "network":
         cut(four_tabs, 10.0)

@@ -8,12 +8,7 @@ from typing import Any
 import pytest
 from attended_run import NAMESPACE, AttendedRun, attended_run
 
-pytestmark = [
-    pytest.mark.campaign,
-    pytest.mark.processes,
-    pytest.mark.slow,
-    pytest.mark.timeout(1800),
-]
+pytestmark = [pytest.mark.campaign, pytest.mark.processes, pytest.mark.timeout(1800)]
 
 RUNS, STOPPED = 10, (3, 6, 8)
 LIMIT = 0.2  # Of the last run [%]: less than the correction leaves of case 4

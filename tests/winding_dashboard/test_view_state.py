@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 
 from winding_core.cable.condition import Condition
 from winding_core.cable.wound_label import WoundLabel
@@ -60,9 +61,7 @@ def test_status_names_lead_to_their_node() -> None:
 
 
 def turning(t: float, speed: float = 1.74) -> AxisReading:
-    return AxisReading(
-        cylinder_angle=speed * t, angular_speed=speed, carriage_position=0.005 * t, feed_speed=0.005
-    )
+    return axis_reading(speed * t, 0.005 * t, speed=speed, feed=0.005)
 
 
 def markers(angle: float, *flags: int) -> np.ndarray:
@@ -102,13 +101,9 @@ def test_standing_clock_adds_no_samples(state: ViewState) -> None:
     assert len(state.speeds) == 1
 
 
-def test_run_is_timed_from_the_first_turn_of_a_machine_whose_clock_counts_from_1970(
-    state: ViewState,
-) -> None:
+def test_run_is_timed_from_the_first_turn_by_a_clock_from_1970(state: ViewState) -> None:
     assert math.isnan(state.run_time)
-    standing = AxisReading(
-        cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
-    )
+    standing = axis_reading()
     for sample in range(30):
         state.note_axes(EPOCH + 0.1 * sample, standing)
         state.tick(0.1 * sample)
@@ -198,9 +193,7 @@ def test_who_comes_later_takes_the_way_so_far_for_time(state: ViewState) -> None
 
 
 @pytest.mark.parametrize("passed", [0.1, 0.4, 1.0, 7.0])
-def test_beginning_is_found_from_within_the_ramp_and_after_it(
-    state: ViewState, passed: float
-) -> None:
+def test_beginning_is_found_within_the_ramp_and_after_it(state: ViewState, passed: float) -> None:
     condition = Condition(case=4, ramp_time=0.5).resolved()
     values = WoundLabel.of(condition).values()
     state.note_axes(100.0, condition.drive.reading_at(passed))

@@ -159,7 +159,6 @@ class Listener:
 
 @pytest.fixture
 def examples() -> Path:
-    """Where the example machine and its mapping are."""
     return EXAMPLES
 
 
@@ -251,8 +250,7 @@ def driver(tmp_path: Path) -> Iterator[Callable[..., subprocess.Popen[str]]]:
         sections: Mapping[str, Any] | None = None,
         **server: object,
     ) -> Any:
-        text = (EXAMPLES / "opcua_machine.yaml").read_text(encoding="utf-8")
-        mapping = yaml.safe_load(text)
+        mapping = yaml.safe_load((EXAMPLES / "opcua_machine.yaml").read_text(encoding="utf-8"))
         # Patient enough for a busy computer.
         waits = {"call_timeout_s": 30.0, "link_timeout_s": 30.0}
         mapping["server"] |= {"endpoint": f"opc.tcp://127.0.0.1:{port}", **waits, **server}

@@ -52,9 +52,7 @@ def test_every_value_arrives_once_with_its_source_timestamp(
     assert "Traceback" not in process.stderr.read()
 
 
-def test_a_refusal_of_the_plc_is_the_answer_of_the_service(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_a_refusal_of_the_plc_is_the_answer(machine: Any, driver: Any, listener: Any) -> None:
     driver(machine().port)
     listener.more(1)
     assert listener.call("emergency_stop")[0]
@@ -87,13 +85,10 @@ def test_a_command_may_be_a_variable(machine: Any, driver: Any, listener: Any) -
     # State is the PLC's alone.
     assert answer.startswith("quick_stop was refused: ")
     assert listener.call("start") == (True, "start: 77 is written")
-    status = listener.wait_for(Level.OK, "the link is up")
-    assert status.values["heartbeat of the PLC"] == "77"
+    assert listener.wait_for(Level.OK, "the link is up").values["heartbeat of the PLC"] == "77"
 
 
-def test_losses_and_bad_values_that_the_server_marks_are_counted(
-    machine: Any, driver: Any, listener: Any
-) -> None:
+def test_losses_and_marked_bad_values_are_counted(machine: Any, driver: Any, listener: Any) -> None:
     """Good with the overflow bit, and BadSensorFailure, from the server on its own."""
     status = "0x480 if cycle % 10 == 3 else 0x808C0000 if cycle % 10 == 7 else 0"
     marked = {"SourceTimestamp=due)": f"ua.StatusCode({status}), due)"}
@@ -114,9 +109,7 @@ def test_a_call_that_hangs_is_given_up(machine: Any, driver: Any, listener: Any)
     assert listener.call("reset") == (False, "reset was not answered within 0.5 s")
 
 
-def test_a_cut_link_is_reported_and_the_queue_of_the_server_is_taken(
-    linked: Any, listener: Any
-) -> None:
+def test_a_cut_link_is_reported_and_the_server_s_queue_taken(linked: Any, listener: Any) -> None:
     plc, path = linked(stop_after_link_loss_s=0.0)
     assert listener.call("start")[0]
     listener.more(100)
@@ -162,25 +155,20 @@ def test_a_machine_is_stopped_when_the_link_returns(asked: str, linked: Any, lis
     listener.wait(lambda: listener.joints[-1].position == listener.joints[-2].position)
 
 
-def test_a_server_that_has_forgotten_the_session_gets_a_new_one(
-    machine: Any, linked: Any, listener: Any
-) -> None:
+def test_a_server_that_forgot_gets_a_new_session(machine: Any, linked: Any, listener: Any) -> None:
     _, path = linked()
     listener.more(100)
     path.cut()
     listener.wait_for(Level.ERROR, "has been lost for")
     path.target = machine().port
     path.restore()
-    status = listener.wait_for(Level.OK, "the link is up")
-    assert status.values["sessions resumed"] == "0"
+    assert listener.wait_for(Level.OK, "the link is up").values["sessions resumed"] == "0"
     listener.more(100)
     stamps = [stamp_ns(message) for message in listener.joints]
     assert stamps == sorted(set(stamps))
 
 
-def test_a_plc_that_comes_later_is_waited_for(
-    machine: Any, driver: Any, relay: Any, listener: Any
-) -> None:
+def test_a_late_plc_is_waited_for(machine: Any, driver: Any, relay: Any, listener: Any) -> None:
     path = relay(machine().port)
     path.cut()
     driver(path.port)

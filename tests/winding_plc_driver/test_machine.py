@@ -77,16 +77,9 @@ def test_a_plc_without_quick_stop_is_stopped(tmp_path: Path) -> None:
         ("server", {"user": "me"}, "needs one of password_variable and password_file"),
         ("server", {"user_certificate": "me.der"}, "certificate needs its key and the other way"),
         ("server", {"user_private_key": "me.pem"}, "certificate needs its key and the other way"),
-        (
-            "server",
-            {
-                "user": "me",
-                "password_file": "word",
-                "user_certificate": "c",
-                "user_private_key": "k",
-            },
-            "a session has one user, by name or by certificate, got user 'me'",
-        ),
+        ("server",
+         {"user": "me", "password_file": "word", "user_certificate": "c", "user_private_key": "k"},
+         "a session has one user, by name or by certificate, got user 'me'"),
         ("variables", {"angle": None}, "variables needs angle"),
         ("variables", {"angel": {}}, "variables has no parameter angel; did you mean angle?"),
         ("variables", {"angle": 3}, "variable angle must be a mapping of names, got 3"),
@@ -104,7 +97,7 @@ def test_a_plc_without_quick_stop_is_stopped(tmp_path: Path) -> None:
         ("heartbeat", {"write": "Alive"}, "write of heartbeat must be a node id"),
         ("joints", {}, "the file has no parameter joints"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_used_is_one_sentence(
     section: str, changes: dict[str, Any], sentence: str, tmp_path: Path
 ) -> None:

@@ -44,7 +44,6 @@ def channel_of(topic: Topic) -> Channel:
 
 
 def storage_file(folder: Path) -> Path:
-    """Return the only storage file of a recording."""
     (file,) = (path for path in folder.iterdir() if path.suffix in (".mcap", ".db3"))
     return file
 

@@ -110,9 +110,7 @@ def test_the_clock_goes_with_the_recording(ros: Any, made: Path, play: Any) -> N
     assert times[-1] >= 580_000_000
 
 
-def test_pause_holds_every_message_and_going_on_lets_them_out(
-    ros: Any, made: Path, play: Any
-) -> None:
+def test_pause_holds_every_message_and_going_on_sends_them(ros: Any, made: Path, play: Any) -> None:
     player = play(made, Pacing(20.0, paused=True))
     caller = ros.plain("caller")
     answer = ros.call(caller, SetBool, "/bag_player/set_paused", SetBool.Request(data=True))
@@ -123,9 +121,7 @@ def test_pause_holds_every_message_and_going_on_lets_them_out(
     ros.spin_until(lambda: player.published == 780)
 
 
-def test_playback_goes_where_it_is_sent_and_reports_its_place(
-    ros: Any, made: Path, play: Any
-) -> None:
+def test_playback_goes_where_it_is_sent_and_reports_where(ros: Any, made: Path, play: Any) -> None:
     reported: dict[str, str] = {}
     caller = ros.plain("caller")
     caller.create_subscription(
@@ -168,9 +164,7 @@ def test_a_topic_that_somebody_publishes_is_refused(ros: Any, made: Path, play: 
     ros.spin_until(lambda: player.published == 780)
 
 
-def test_what_came_while_the_graph_was_started_takes_no_time(
-    bags: Any, ros: Any, tmp_path: Path, play: Any
-) -> None:
+def test_arrivals_of_the_start_take_no_time(bags: Any, ros: Any, tmp_path: Path, play: Any) -> None:
     began = 1_764_000_000_000_000_000
     writer = bags.writer(tmp_path / "bag")
     early = bags.bytes_of(bags.tension, encode_tension(0.0, 1.5))
@@ -188,9 +182,7 @@ def test_an_unknown_topic_is_refused(made: Path, play: Any) -> None:
         play(made, Pacing(1.0), wanted=frozenset({"/x"}))
 
 
-def test_latched_topics_reach_who_comes_late(
-    bags: Any, ros: Any, tmp_path: Path, play: Any
-) -> None:
+def test_latched_topics_reach_latecomers(bags: Any, ros: Any, tmp_path: Path, play: Any) -> None:
     topic = renamed(topics.FEM_PREDICTION)
     channel = jazzy_channel(topic.name, topic.type_name, depth=topic.depth, latched=True)
     writer = BagWriter(tmp_path / "bag", [channel], BagConfig())

@@ -50,7 +50,6 @@ def record_load(ros: Any, bag: Path, seconds: float) -> tuple[dict[str, float], 
         env=child_environment(),
     )
     assert publisher.stdin is not None
-    assert publisher.stdout is not None
     try:
         published = json.loads(publisher.stdout.readline())
         ros.spin_until(
@@ -64,6 +63,16 @@ def record_load(ros: Any, bag: Path, seconds: float) -> tuple[dict[str, float], 
         publisher.kill()
         recorder.close()
     return published, recorder
+
+
+def at_work(ros: Any, topic: Topic, bag: Path) -> tuple[Any, Recorder, list[Any]]:
+    """Return a publisher of a topic, the recorder that hears it alone, and statuses by now."""
+    machine, heard = ros.plain("machine"), []
+    publisher = topic.advertise(machine)
+    topics.DIAGNOSTICS.subscribe(machine, lambda m: heard.extend(decode_diagnostics(m)[1]))
+    recorder = Recorder(ros.plain("host"), bag, recorded=[topic])
+    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    return publisher, recorder, heard
 
 
 @pytest.mark.parametrize(
@@ -82,10 +91,7 @@ def test_nothing_is_lost_at_full_rate(ros: Any, tmp_path: Path, seconds: float) 
 def test_lost_numbers_are_counted_by_topic(ros: Any, tmp_path: Path) -> None:
     """A reader of one message that is not asked in time loses the others."""
     shallow = replace(topics.JOINT_STATES, depth=1)
-    node, publisher_node = ros.plain("host"), ros.plain("machine")
-    publisher = topics.JOINT_STATES.advertise(publisher_node)
-    recorder = Recorder(node, tmp_path / "bag", recorded=[shallow])
-    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    publisher, recorder, _ = at_work(ros, shallow, tmp_path / "bag")
     # What came before the first message that arrived is not a loss.
     publisher.publish(encode_joint_state(0.0, READING))
     ros.spin_until(lambda: bool(recorder.buffer.messages[shallow.name]))
@@ -100,12 +106,7 @@ def test_lost_numbers_are_counted_by_topic(ros: Any, tmp_path: Path) -> None:
 
 
 def test_a_full_disk_ends_the_bag_and_not_the_run(ros: Any, small_disk: Path) -> None:
-    node, machine = ros.plain("host"), ros.plain("machine")
-    publisher = topics.JOINT_STATES.advertise(machine)
-    heard: list[Any] = []
-    topics.DIAGNOSTICS.subscribe(machine, lambda m: heard.extend(decode_diagnostics(m)[1]))
-    recorder = Recorder(node, small_disk / "bag", recorded=[topics.JOINT_STATES])
-    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    publisher, recorder, heard = at_work(ros, topics.JOINT_STATES, small_disk / "bag")
     buffered = recorder.buffer.messages["rig/joint_states"]
 
     def send(count: int) -> None:
@@ -139,8 +140,7 @@ NUMBER = replace(topics.TENSION, name="rig/humidity", type=Float64, rate=None)
 
 def stamped(seconds: int, nanoseconds: int = 0) -> bytes:
     """Return a joint state with a stamp that no node of this project gives."""
-    data = encode_joint_state(0.0, READING)
-    return with_stamp(data, struct.pack("<iI", seconds, nanoseconds))
+    return with_stamp(encode_joint_state(0.0, READING), struct.pack("<iI", seconds, nanoseconds))
 
 
 @pytest.mark.parametrize(
@@ -219,12 +219,7 @@ def test_progress_does_not_go_back_when_a_topic_joins(ros: Any, tmp_path: Path) 
 
 
 def test_what_has_no_stamp_is_named_once_with_its_reason(ros: Any, tmp_path: Path) -> None:
-    machine = ros.plain("machine")
-    publisher = topics.TENSION.advertise(machine)
-    heard: list[Any] = []
-    topics.DIAGNOSTICS.subscribe(machine, lambda m: heard.extend(decode_diagnostics(m)[1]))
-    recorder = Recorder(ros.plain("host"), tmp_path / "bag", recorded=[topics.TENSION])
-    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    publisher, recorder, heard = at_work(ros, topics.TENSION, tmp_path / "bag")
     for _ in range(3):
         publisher.publish(b"\x00\x01\x00\x00\x07")
     named = (
@@ -259,16 +254,9 @@ def test_what_cannot_be_stored_is_left_out_and_found(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("gone", ["folder", "file"])
-def test_a_bag_that_is_removed_is_not_named_and_the_run_goes_on(
-    ros: Any, tmp_path: Path, gone: str
-) -> None:
-    machine = ros.plain("machine")
-    publisher = topics.JOINT_STATES.advertise(machine)
-    heard: list[Any] = []
-    topics.DIAGNOSTICS.subscribe(machine, lambda m: heard.extend(decode_diagnostics(m)[1]))
+def test_removed_bag_is_not_named_and_the_run_goes_on(ros: Any, tmp_path: Path, gone: str) -> None:
     bag = tmp_path / "bag"
-    recorder = Recorder(ros.plain("host"), bag, recorded=[topics.JOINT_STATES])
-    ros.spin_until(lambda: publisher.get_subscription_count() == 1)
+    publisher, recorder, heard = at_work(ros, topics.JOINT_STATES, bag)
     publisher.publish(encode_joint_state(0.5, READING))
     ros.spin_until(lambda: recorder.bags.writer.taken == 1)
     if gone == "folder":

@@ -115,9 +115,7 @@ def test_asking_twice_changes_nothing(desk: Desk, tmp_path: Path) -> None:
     assert desk.recorder.bags.folders == [tmp_path / "bag"]
 
 
-def test_recording_again_and_time_that_goes_back_get_bags_of_their_own(
-    desk: Desk, tmp_path: Path
-) -> None:
+def test_recording_again_and_time_that_goes_back_get_own_bags(desk: Desk, tmp_path: Path) -> None:
     desk.record(on=True)
     desk.wind(0, 1000)
     desk.record(on=False)
@@ -137,9 +135,7 @@ def test_recording_again_and_time_that_goes_back_get_bags_of_their_own(
 
 
 @pytest.mark.parametrize("stamp", [4000.0, -2.0])
-def test_a_stamp_of_another_time_begins_no_further_bag(
-    desk: Desk, tmp_path: Path, stamp: float
-) -> None:
+def test_a_stamp_of_another_time_begins_no_bag(desk: Desk, tmp_path: Path, stamp: float) -> None:
     desk.record(on=True)
     desk.wind(0, 700)
     desk.joints.publish(encode_joint_state(stamp, READING))

@@ -2,8 +2,6 @@
 
 import json
 import random
-import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +11,7 @@ from made_bags import channel_of, storage_file
 
 from cable_fem_node.ros.message_handler import FemHandler
 from cable_fem_node.ros.parameters import FemParameters
+from processes import COMMAND, ran
 from winding_core.markers import MARKER_DTYPE
 from winding_recorder.bags.description import PARAMETERS, BagError, StoredMessage
 from winding_recorder.bags.mcap_file import BagConfig
@@ -96,8 +95,7 @@ def test_answers_do_not_depend_on_the_order_of_arrival(
         key=lambda item: item[1] + (late if item[0] is topics.TENSION else 0),
     )
     in_time = [(topic, message) for topic, _, message in delayed]
-    bag = record(tmp_path / "bag", in_time, began=1_764_000_000 * 10**9)
-    other = replay(bag, "fem")
+    other = replay(record(tmp_path / "bag", in_time, began=1_764_000_000 * 10**9), "fem")
     # The last samples still waited for their tension when the recording ended.
     assert other.comparisons
     assert all(comparison.missing == 0 for comparison in other.comparisons)
@@ -105,9 +103,7 @@ def test_answers_do_not_depend_on_the_order_of_arrival(
     assert other.digest == replay(in_order, "fem").digest
 
 
-def test_a_message_of_another_time_holds_back_no_other(
-    bags: Any, in_order: Path, tmp_path: Path
-) -> None:
+def test_a_message_of_another_time_holds_none_up(bags: Any, in_order: Path, tmp_path: Path) -> None:
     arrivals = [(topic, message) for topic, _, message in inputs(bags.reading_at)]
     future = encode_tension(5000.0, 2.2)
     arrivals.insert(120, (topics.TENSION, future))
@@ -118,9 +114,7 @@ def test_a_message_of_another_time_holds_back_no_other(
     assert other.digest == answered.digest
 
 
-def test_a_damaged_recording_is_refused_in_a_sentence(
-    bags: Any, in_order: Path, tmp_path: Path
-) -> None:
+def test_a_damaged_recording_is_refused(bags: Any, in_order: Path, tmp_path: Path) -> None:
     """A database has no checksums: what is flipped reaches the replay."""
     folder = bags.as_sqlite(in_order, tmp_path / "bag")
     file = storage_file(folder)
@@ -142,20 +136,15 @@ def test_a_damaged_recording_is_refused_in_a_sentence(
 @pytest.mark.slow
 def test_two_replays_in_two_processes_are_byte_identical(in_order: Path) -> None:
     def digest() -> str:
-        command = [sys.executable, "-m", "winding_cli.cli", "bag", "replay"]
-        done = subprocess.run(
-            [*command, str(in_order), "--node", "fem"],
-            capture_output=True, text=True, check=True, timeout=120,
-        )  # fmt: skip
-        return done.stdout.splitlines()[0]
+        words = (*COMMAND, "bag", "replay", in_order, "--node", "fem")
+        return ran(*words, check=True, timeout=120).stdout.splitlines()[0]
 
     assert digest() == digest()
 
 
 def test_a_changed_answer_is_a_difference_with_its_field(bags: Any, tmp_path: Path) -> None:
     arrivals = [(topic, message) for topic, _, message in inputs(bags.reading_at)]
-    bag = record(tmp_path / "bag", arrivals, harm=1e-3)
-    result = replay(bag, "fem")
+    result = replay(record(tmp_path / "bag", arrivals, harm=1e-3), "fem")
     assert not result.agrees
     (markers,) = (c for c in result.comparisons if c.topic == "/winding/fem/markers")
     assert markers.differences["theta"] == 1e-3

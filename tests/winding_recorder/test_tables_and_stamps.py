@@ -11,10 +11,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_bags import READING, channel_of
 from rclpy.serialization import serialize_message
+from sensor_msgs.msg import PointCloud2
 
 from winding_core.history import History
 from winding_recorder.bags.check import check, rhythm, stamp_findings
-from winding_recorder.bags.description import COMPLETE, LOST, YES, BagError, StoredMessage
+from winding_recorder.bags.description import (
+    COMPLETE,
+    LOST,
+    YES,
+    BagError,
+    StoredMessage,
+    jazzy_channel,
+)
 from winding_recorder.bags.mcap_file import BagConfig
 from winding_recorder.bags.tables import export
 from winding_recorder.bags.writer import BagWriter
@@ -144,13 +152,6 @@ def test_a_rate_that_leads_nowhere_is_refused() -> None:
 
 
 def test_a_cloud_that_contradicts_itself_is_refused(bags: Any, tmp_path: Path) -> None:
-    from rclpy.serialization import serialize_message
-    from sensor_msgs.msg import PointCloud2
-
-    from winding_recorder.bags.description import StoredMessage, jazzy_channel
-    from winding_recorder.bags.mcap_file import BagConfig
-    from winding_recorder.bags.writer import BagWriter
-
     cloud = PointCloud2(height=1, width=5, point_step=8, row_step=40)
     channel = jazzy_channel("/c", "sensor_msgs/msg/PointCloud2", depth=1, latched=False)
     writer = BagWriter(tmp_path / "bag", [channel], BagConfig())
@@ -220,15 +221,11 @@ def test_steady_stamps_take_no_memory_and_none_is_lost() -> None:
 def test_a_tape_keeps_forty_seconds_whole_and_every_stamp_of_more() -> None:
     buffer = RunBuffer([topics.TENSION, topics.IMAGE, topics.DIAGNOSTICS])
     for k in range(39 * 100):
-        buffer.add(
-            topics.TENSION, BufferedMessage(stamp_ns=k * 10**7, sent_ns=0, received_ns=0, data=b"")
-        )
+        buffer.add(topics.TENSION, BufferedMessage(k * 10**7, 0, 0, b""))
     assert len(buffer.messages[topics.TENSION.name]) == 3900
     assert not buffer.thinned
     for k in range(3900, 180_000):
-        buffer.add(
-            topics.TENSION, BufferedMessage(stamp_ns=k * 10**7, sent_ns=0, received_ns=0, data=b"")
-        )
+        buffer.add(topics.TENSION, BufferedMessage(k * 10**7, 0, 0, b""))
     assert buffer.thinned
     assert len(buffer.messages[topics.TENSION.name]) <= 4000
     assert (buffer.stamps(topics.TENSION) == np.arange(180_000) * 10**7).all()
@@ -251,9 +248,7 @@ def test_the_newest_axis_reading_is_the_last_usable_one(invalid: int) -> None:
         if sample >= 100:
             data = data[: len(data) // 2]
         buffer.add(topics.JOINT_STATES, BufferedMessage(stamp, stamp, stamp, data))
-    newest = buffer.newest_axis_reading()
-    assert newest is not None
-    assert newest[0] == pytest.approx(0.099)
+    assert buffer.newest_axis_reading()[0] == pytest.approx(0.099)
 
 
 @pytest.mark.parametrize("times", [(6, 3, 4), (6, 3, 2)])

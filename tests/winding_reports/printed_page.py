@@ -17,8 +17,6 @@ _NAMESPACE = "{http://www.w3.org/1999/xhtml}"
 
 @dataclass(frozen=True, kw_only=True)
 class PrintedWord:
-    """A word on paper."""
-
     text: str  # Its letters
     page: int  # From 1
     left: float  # Its left edge [pt]

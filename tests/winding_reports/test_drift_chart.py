@@ -42,9 +42,7 @@ def test_two_hundred_stable_runs_have_no_more_than_two_false_announcements() -> 
 
 @pytest.mark.parametrize("stable", [0, 10, 20, 60])
 @pytest.mark.parametrize("scatter", [0.0005, 0.001, 0.002, 0.003])
-def test_two_percent_in_thirty_runs_are_announced_before_the_twentieth(
-    stable: int, scatter: float
-) -> None:
+def test_two_percent_in_thirty_runs_are_announced_within_20(stable: int, scatter: float) -> None:
     found = 0
     for seed in range(200):
         drifts = drift_chart(drawn(seed, stable, 19, scatter)).drifts

@@ -1,6 +1,5 @@
 """The record of a run with its identity, and the report that shows it."""
 
-import dataclasses
 import json
 import math
 import re
@@ -54,10 +53,6 @@ IDENTITY = Identity(
 @pytest.fixture(scope="module")
 def page_text(synthetic) -> str:
     return render_report(synthetic())
-
-
-def _empty_signal() -> Signal:
-    return Signal(t=np.empty(0), value=np.empty(0))
 
 
 @pytest.mark.slow
@@ -140,38 +135,25 @@ def test_a_condition_of_ones_own_has_no_published_columns_to_show(synthetic) -> 
 def test_a_run_that_left_nothing_still_gives_a_page(synthetic) -> None:
     rows = (MarkerRow(id=1, original=0.1),)
     lengths = judge_lengths(rows, PAPER_LIMIT_PCT, published=True)
-    nothing = dataclasses.replace(
-        synthetic(),
-        outcome=dataclasses.replace(synthetic().outcome, lengths=lengths),
-        cylinder_speed=_empty_signal(),
-        carriage_speed=_empty_signal(),
-        cylinder_setpoint=_empty_signal(),
-        carriage_setpoint=_empty_signal(),
-        tension=_empty_signal(),
-        predicted=MarkerSeries.empty(),
-        tracked=MarkerSeries.empty(),
-        corrected=MarkerSeries.empty(),
-        rows=rows,
-        frames=None,
-        frames_lost=None,
-        joint_states=None,
-        joint_states_lost=None,
-        wall_s=None,
-        sim_s=None,
-        facts={},
-        notes=(),
+    signals = ("cylinder_speed", "carriage_speed", "cylinder_setpoint", "carriage_setpoint")
+    counts = ("frames", "frames_lost", "joint_states", "joint_states_lost", "wall_s", "sim_s")
+    empty: dict[str, object] = {
+        **dict.fromkeys((*signals, "tension"), Signal(t=np.empty(0), value=np.empty(0))),
+        **dict.fromkeys(("predicted", "tracked", "corrected"), MarkerSeries.empty()),
+        **dict.fromkeys(counts),
+    }
+    outcome = replace(synthetic().outcome, lengths=lengths)
+    page = render_report(
+        replace(synthetic(), outcome=outcome, rows=rows, facts={}, notes=(), **empty)
     )
-    page = render_report(nothing)
     assert len(ReportPage(page).sources) == 5
     assert "What these numbers are worth" not in page
 
 
 @pytest.mark.slow
 def test_text_from_outside_cannot_become_markup(synthetic) -> None:
-    record = dataclasses.replace(
-        synthetic(), notes=("<script>alert(1)</script>",), facts={"<b>": '"><img src=x>'}
-    )
-    page = ReportPage(render_report(record))
+    outside = {"notes": ("<script>alert(1)</script>",), "facts": {"<b>": '"><img src=x>'}}
+    page = ReportPage(render_report(replace(synthetic(), **outside)))
     assert "script" not in page.tags
     assert page.sources
     assert all(source.startswith("data:") for source in page.sources)
@@ -179,8 +161,7 @@ def test_text_from_outside_cannot_become_markup(synthetic) -> None:
 
 @pytest.mark.slow
 def test_losses_are_reported(synthetic) -> None:
-    page = render_report(dataclasses.replace(synthetic(), frames_lost=17))
-    assert "17 lost" in page
+    assert "17 lost" in render_report(replace(synthetic(), frames_lost=17))
 
 
 def test_thinning_loses_no_peak() -> None:
@@ -250,7 +231,7 @@ def test_the_file_holds_exactly_the_agreed_keys(synthetic, tmp_path) -> None:
 
 def test_errors_are_the_tables_measure(synthetic) -> None:
     row = MarkerRow(id=1, original=0.1, s_fem=0.125, s_corrected=0.1, s_published=0.11)
-    written = run_json(dataclasses.replace(synthetic(), rows=(row,)))["markers"][0]
+    written = run_json(replace(synthetic(), rows=(row,)))["markers"][0]
     # 100 |0.11 - 0.125| / 0.125 and 100 |0.11 - 0.1| / 0.1, exact up to rounding.
     assert written["error_fem_pct"] == pytest.approx(12.0, rel=1e-12)
     assert written["error_corrected_pct"] == pytest.approx(10.0, rel=1e-12)
@@ -258,7 +239,7 @@ def test_errors_are_the_tables_measure(synthetic) -> None:
 
 def test_what_was_not_measured_is_null(synthetic, tmp_path) -> None:
     row = MarkerRow(id=1, original=0.1, s_fem=math.nan, s_tracked=math.inf)
-    record = dataclasses.replace(
+    record = replace(
         synthetic(), rows=(row,), frames=None, frames_lost=None, wall_s=None, sim_s=math.nan
     )
     path = tmp_path / "run.json"
@@ -276,7 +257,7 @@ def test_an_error_needs_a_length_to_divide_by() -> None:
 
 def test_numbers_of_numpy_are_written_too(synthetic) -> None:
     row = MarkerRow(id=1, original=0.1, s_fem=np.float64(0.11), h=np.float32(0.5))
-    text = json.dumps(run_json(dataclasses.replace(synthetic(), rows=(row,))))
+    text = json.dumps(run_json(replace(synthetic(), rows=(row,))))
     (marker,) = json.loads(text)["markers"]
     assert (marker["s_fem_m"], marker["h"]) == (0.11, 0.5)
 
@@ -293,7 +274,7 @@ def test_series_of_unequal_length_are_refused() -> None:
     with pytest.raises(ValueError, match="one value per stamp"):
         Signal(t=np.zeros(3), value=np.zeros(2))
     with pytest.raises(ValueError, match="theta needs one value per stamp"):
-        dataclasses.replace(MarkerSeries.empty(), theta=np.zeros(3))
+        replace(MarkerSeries.empty(), theta=np.zeros(3))
 
 
 def test_date_is_utc_whatever_the_clocks_zone() -> None:
@@ -337,14 +318,6 @@ def test_runs_of_different_origin_differ_in_their_identity_alone(synthetic) -> N
 @pytest.mark.slow
 def test_report_names_run_host_versions_seed_recording_and_digest(synthetic) -> None:
     page = render_report(replace(synthetic(), identity=IDENTITY))
-    for text in (
-        ORIGIN.run_id,
-        "2026-02-28T23:30:00Z",
-        "cell-7",
-        "numpy 2.2.0",
-        "rclpy not installed",
-        "/data/bag",
-        "ab" * 32,
-        "1.74 rad/s",
-    ):
+    stated = (ORIGIN.run_id, "2026-02-28T23:30:00Z", "cell-7", "numpy 2.2.0", "rclpy not installed")
+    for text in (*stated, "/data/bag", "ab" * 32, "1.74 rad/s"):
         assert text in page

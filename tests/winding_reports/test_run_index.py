@@ -113,9 +113,7 @@ def test_every_run_is_listed_once_and_copies_as_such(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [None, b"", b"SQLite format 3\0 and then nothing of it"])
-def test_a_lost_or_damaged_index_is_rebuilt_to_the_same_answers(
-    folder: Path, damage: bytes | None
-) -> None:
+def test_a_lost_or_damaged_index_is_rebuilt_alike(folder: Path, damage: bytes | None) -> None:
     before = answers(folder)
     (folder / INDEX).unlink()
     if damage is not None:

@@ -11,7 +11,6 @@ from winding_ros.messages.stamps import serialised_stamp_ns
 
 
 def rig_node(ros: Any, **parameters: object) -> RigNode:
-    """Return the node of a rig as it was made."""
     node: RigNode = ros.add(RigNode, parameters=parameters)
     return node
 
@@ -63,5 +62,4 @@ class RigBench:
         self.ros.spin_until(lambda: self.node._lay.wound_angle > angle)
 
     def wait_for(self, message: str) -> None:
-        """Wait for the message of its status."""
         self.ros.spin_until(lambda: self.node.status().message == message)

@@ -109,9 +109,7 @@ def test_guide_slows_where_a_joint_is_too_slow_and_the_machine_names_it(tmp_path
         r"speed of 0\.01, as near a singularity",
         led.remark,
     )
-    state = led.state.arm
-    assert state is not None
-    assert np.abs(state.speeds).max() <= 0.01
+    assert np.abs(led.state.arm.speeds).max() <= 0.01
 
 
 def test_guide_stands_where_the_arm_reaches_no_further(tmp_path: Path) -> None:
@@ -146,7 +144,6 @@ def test_every_stop_brings_the_arm_to_rest(tmp_path: Path, stop: Any, phase: Pha
     run(led, 3000)
     assert not led.moving
     assert led.state.phase is phase
-    assert led.state.arm is not None
     assert all(joint.motor.speed == 0.0 for joint in led.state.arm.joints)
     led.reset()
     assert led.reading().carriage_position == 0.0

@@ -109,8 +109,7 @@ def test_what_the_cable_has_left_shows_the_background_again() -> None:
     renderer = Renderer(CONFIG)
     scenes = [scene(path, angle, markers=[0.0, 3.0]) for angle in (30.0, 3.0, 0.2, 12.0)]
     used = [frame(made, renderer) for made in scenes]
-    fresh = [frame(made) for made in scenes]
-    np.testing.assert_array_equal(used, fresh)
+    np.testing.assert_array_equal(used, [frame(made) for made in scenes])
 
 
 def test_a_cylinder_of_another_size_replaces_the_whole_background() -> None:

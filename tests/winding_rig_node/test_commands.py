@@ -63,19 +63,15 @@ def missed(
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.parametrize("rate", [50, 100])
 @pytest.mark.parametrize(("send", "meant"), [(by_position, sine), (by_speed, from_rest)])
-def test_streamed_sine_is_followed(
-    rate: int, send: Target, meant: Callable[[float], float]
-) -> None:
+def test_streamed_sine_is_followed(rate: int, send: Target, meant: Any) -> None:
     rig = winding()
     assert missed(rig, meant, 30_000, send, lambda count: count % (1000 // rate) == 0) < MISSED
     assert rig.state.phase is Phase.WINDING
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 def test_a_missing_sample_does_not_tear_a_stream() -> None:
     def due(count: int) -> bool:
         # One of ten is lost.
@@ -85,7 +81,6 @@ def test_a_missing_sample_does_not_tear_a_stream() -> None:
 
 
 @pytest.mark.campaign
-@pytest.mark.slow
 @pytest.mark.parametrize("step", [0.02, 0.1], ids=["lines", "cubics"])
 def test_sine_as_a_trajectory_is_followed(step: float) -> None:
     rig = winding()
@@ -174,9 +169,7 @@ REFUSED = [
 
 
 @pytest.mark.parametrize(("command", "sentence"), REFUSED)
-def test_what_is_out_of_bounds_is_refused_with_value_and_limit(
-    command: Command, sentence: str
-) -> None:
+def test_what_is_out_of_bounds_is_refused_with_its_limit(command: Command, sentence: str) -> None:
     assert refused(winding(), command) == sentence
 
 
@@ -282,9 +275,7 @@ def test_start_waits_until_commanded_axes_stand() -> None:
 
 
 @pytest.mark.parametrize("stop", [Machine.quick_stop, Machine.emergency_stop])
-def test_a_hurried_stop_brings_commanded_axes_to_rest_as_well(
-    stop: Callable[[Machine], object],
-) -> None:
+def test_a_hurried_stop_brings_commanded_axes_to_rest(stop: Callable[[Machine], object]) -> None:
     rig = winding()
     rig.command(targets(carriage=AxisTarget(speed=0.08), cylinder=AxisTarget(speed=4.0)))
     run(rig, 0.45)

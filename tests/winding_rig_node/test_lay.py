@@ -71,8 +71,7 @@ def wound(hidden: HiddenRig, end: float, carriage: Carriage, *, step: float = ST
 @pytest.mark.parametrize("number", [1, 4, 9, 12])
 def test_the_drive_programme_winds_the_lay_of_the_plan(number: int) -> None:
     case, drive = paper_case(number), DriveProfile()
-    hidden = HiddenCable(free_length=0.19, load_factor=0.7, drag=0.1)
-    plan = simulated_lay(case, drive, hidden, END)
+    plan = simulated_lay(case, drive, HiddenCable(free_length=0.19, load_factor=0.7, drag=0.1), END)
     lay = DrivenLay(case, PLAIN)
     for k in range(20_001):
         lay.advance(*drive.positions(1.0e-3 * k), case.weight)
@@ -219,8 +218,7 @@ def test_the_tension_builds_up_over_the_wound_length() -> None:
 
 
 def test_the_pull_stays_behind_by_the_brakes_friction() -> None:
-    hidden = rig(brake_friction=0.04, load_share=1.0, drag=0.0)
-    lay = DrivenLay(CASE, hidden)
+    lay = DrivenLay(CASE, rig(brake_friction=0.04, load_share=1.0, drag=0.0))
     seen = []
     for k, pull in enumerate((2.0, 2.05, 3.0, 2.9, 1.0), start=1):
         lay.advance(1.0e-3 * k, 0.0, pull)

@@ -149,8 +149,7 @@ def test_cable_is_laid_by_the_length_of_its_own_circle() -> None:
 
 
 def test_the_span_ends_at_the_guide_from_every_radius() -> None:
-    lay = driven(wound("cross", 1.2))
-    view = lay.view()
+    view = driven(wound("cross", 1.2)).view()
     rho = CASE.centreline_radius + view.landing_lift
     assert view.landing_lift > 1.5 * D
     distance = math.hypot(PLAIN.free_length, CASE.centreline_radius)
@@ -177,8 +176,7 @@ def test_the_truth_names_turn_and_layer_of_every_place() -> None:
 
 
 def test_upper_layers_hide_lower_ones_in_the_picture() -> None:
-    lay = driven(wound("orthocyclic", 1.05))
-    view = lay.view()
+    view = driven(wound("orthocyclic", 1.05)).view()
     seen = GrowingLay(view, lifted=True).at(view.eye, None)
     # A band on the first layer that upper ones cover, and one on the newest layer, both in front.
     angle = view.theta

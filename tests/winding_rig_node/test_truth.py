@@ -49,9 +49,7 @@ def test_an_empty_name_is_no_file() -> None:
 
 
 @pytest.mark.parametrize("name", ["absent/truth.json", "."])
-def test_a_file_that_cannot_be_is_refused(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_bad_file_is_refused(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ValueError, match=f"a file in a folder that exists, got '{name}'"):
         truth_path(name)

@@ -2,12 +2,12 @@
 
 import math
 import struct
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point
@@ -62,9 +62,7 @@ from winding_ros.messages.serialised import MessageError
 from winding_ros.messages.stamps import serialised_stamp
 
 JOINTS = ["carriage_joint", "cylinder_joint"]
-READING = AxisReading(
-    cylinder_angle=12.25, angular_speed=1.74, carriage_position=0.035, feed_speed=0.005
-)
+READING = axis_reading(12.25, 0.035, speed=1.74, feed=0.005)
 AXIS_JOINTS = ("cylinder_joint", "carriage_joint")
 MESSAGES = [
     JointState(name=["a", "bc", ""], position=[1.0, -2.5], effort=[float("inf")]),
@@ -162,9 +160,7 @@ def decode_corrected(message: Any) -> Any:
          "must be finite, point 0 is not"),
     ],
 )  # fmt: skip
-def test_what_a_topic_does_not_promise_is_refused(
-    decode: Callable[[Any], Any], message: Any, sentence: str
-) -> None:
+def test_what_a_topic_does_not_promise_is_refused(decode: Any, message: Any, sentence: str) -> None:
     with pytest.raises(MessageError, match=sentence):
         decode(message)
     if isinstance(message, Image):
@@ -256,7 +252,6 @@ def test_refused_material_is_a_warning_with_its_cause() -> None:
     message = encode_material(1.0, refused_material("linear", (1,), "it is rigid"))
     _, report = decode_material(message)
     assert message.status[0].level == bytes([Level.WARN])
-    assert report is not None
     assert report.refusal == "it is rigid"
     assert math.isnan(report.young)
 
@@ -327,9 +322,7 @@ def test_numbers_are_found_whatever_stands_between_the_fields() -> None:
 
 def test_a_driver_that_changes_its_joints_is_read_on() -> None:
     read = JointStateReader(MachineAxes())
-    first = AxisReading(
-        cylinder_angle=1.5, angular_speed=2.0, carriage_position=0.25, feed_speed=-1.0
-    )
+    first = axis_reading(1.5, 0.25, speed=2.0, feed=-1.0)
     assert read(joint_state(0))[1] == first
     assert read(joint_state(1))[1] == first
     turned = JointState(name=[*reversed(AXIS_JOINTS)], position=[0.5, 3.0], velocity=[0.1, 0.2])
@@ -338,9 +331,7 @@ def test_a_driver_that_changes_its_joints_is_read_on() -> None:
 
 def test_a_number_that_is_not_finite_is_refused_at_its_known_place() -> None:
     read = JointStateReader(MachineAxes())
-    reading = AxisReading(
-        cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
-    )
+    reading = axis_reading()
     read(encode_joint_state(0.0, reading))
     data = bytearray(encode_joint_state(0.0, reading))
     layout = JointStateLayout.of(bytes(data), AXIS_JOINTS)

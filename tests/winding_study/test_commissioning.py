@@ -167,9 +167,7 @@ def test_the_posterior_holds_the_cell_that_was_wound(stepped: RigPosterior) -> N
 
 
 @pytest.mark.slow
-def test_steps_of_the_pull_tell_friction_and_drag_apart(
-    stepped: RigPosterior, even: RigPosterior
-) -> None:
+def test_steps_of_pull_part_friction_and_drag(stepped: RigPosterior, even: RigPosterior) -> None:
     for name in ("friction", "drag_per_share", "young_per_share"):
         assert stepped.beliefs[name].half_width_90 < 0.5 * even.beliefs[name].half_width_90, name
 
@@ -234,7 +232,6 @@ def test_no_motion_leaves_the_limits() -> None:
 def test_a_thick_cable_is_not_pulled_so_little_that_bending_takes_the_tension() -> None:
     case = paper_case(5)
     found = safe_pulls(case, CELL, (0.1 * case.weight, 2.0 * case.weight))
-    assert found is not None
     tension = 0.7 * found[0] + 0.15  # the middle of the prior
     bent = case.bending_stiffness / (2.0 * tension * case.centreline_radius**2)
     assert bent == pytest.approx(MOST_BENT, rel=1.0e-12)
@@ -244,7 +241,6 @@ def test_a_thick_cable_is_not_pulled_so_little_that_bending_takes_the_tension() 
 def test_a_thin_cable_is_not_pulled_to_where_its_law_ends() -> None:
     case = paper_case(8)
     found = safe_pulls(case, CELL, (0.3 * case.weight, 1.5 * case.weight))
-    assert found is not None
     stress = (0.7 * found[1] + 0.15) / (case.material.young * case.axial_area)
     assert stress == pytest.approx(MOST_STRESSED, rel=1.0e-12)
     assert safe_pulls(case, CELL, (2.0 * case.weight, 3.0 * case.weight)) is None

@@ -27,7 +27,7 @@ from correction_node.training.comparison import (
 from correction_node.training.evaluation import cell_errors_pct
 from correction_node.training.training import RIG
 from winding_cli.app import app
-from winding_cli.terminal.refusal import REFUSED
+from winding_cli.terminal.refusal import FAILED, REFUSED
 from winding_cli.terminal.termination import INTERRUPTED
 from winding_core.cable.cases import Lay, paper_case, published_markers
 from winding_study.paper.case_result import CaseResult, compare, compare_paper
@@ -173,7 +173,6 @@ def test_table_8_shows_the_paper_the_network_and_the_best(record: StudyRecord) -
     assert means["paper, as printed"] == pytest.approx(4.81, abs=0.005)
 
 
-@pytest.mark.slow
 def test_the_papers_weights_stand_beside_ours_when_its_simulation_is_the_base() -> None:
     cells = join_experiment(
         {(row.case, row.marker): row.simulation.s for row in published_markers()}, source="test"
@@ -192,12 +191,10 @@ def test_the_papers_weights_stand_beside_ours_when_its_simulation_is_the_base() 
 
 
 def test_noise_stands_in_percent_with_a_column_for_each_kind(record: StudyRecord) -> None:
-    assert record.noise is not None
     assert record.noise.rows == ((1.0, 90.0, 90.0), (2.0, 90.0, 90.0))
     assert "imulated" in record.noise.note
 
 
-@pytest.mark.slow
 def test_without_models_the_verdict_says_why(small: StudyRecord) -> None:
     bare = dataclasses.replace(small, models={}, cells=(), noise=None)
     assert "No model of h was compared" in bare.verdict()
@@ -205,7 +202,6 @@ def test_without_models_the_verdict_says_why(small: StudyRecord) -> None:
     assert "Models of the weight" not in render_study(bare)
 
 
-@pytest.mark.slow
 def test_one_case_alone_makes_a_page() -> None:
     result = _wound(4)
     alone = StudyRecord(
@@ -217,7 +213,6 @@ def test_one_case_alone_makes_a_page() -> None:
     assert any(heading.startswith("Table 3") for heading in headings)
 
 
-@pytest.mark.slow
 def test_the_page_has_every_table_and_figure_and_loads_nothing(page: str) -> None:
     read = ReportPage(page)
     read.require_whole()
@@ -227,7 +222,6 @@ def test_the_page_has_every_table_and_figure_and_loads_nothing(page: str) -> Non
     assert len(read.anchors) > 10
 
 
-@pytest.mark.slow
 def test_every_table_cell_is_on_paper(page: str, tmp_path) -> None:
     path = tmp_path / "index.html"
     path.write_text(page, encoding="utf-8")
@@ -236,13 +230,11 @@ def test_every_table_cell_is_on_paper(page: str, tmp_path) -> None:
     assert outside_the_margins(words) == []
 
 
-@pytest.mark.slow
 def test_names_of_models_cannot_become_markup(page: str) -> None:
     assert "<other>" not in page
     assert "&lt;other&gt; &amp; model" in page
 
 
-@pytest.mark.slow
 def test_the_same_study_gives_the_same_bytes() -> None:
     result = _wound(8)
     alone = StudyRecord(
@@ -251,7 +243,6 @@ def test_the_same_study_gives_the_same_bytes() -> None:
     assert render_study(alone) == render_study(alone)
 
 
-@pytest.mark.slow
 def test_the_folder_has_the_page_and_a_csv_file_of_every_table(small, tmp_path) -> None:
     path = write_study(small, tmp_path / "deep" / "study")
     names = {file.name for file in path.parent.iterdir()}
@@ -265,7 +256,6 @@ def test_the_folder_has_the_page_and_a_csv_file_of_every_table(small, tmp_path) 
     assert len((path.parent / "table_7.csv").read_text().splitlines()) == 49
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("width", [1280, 390])
 def test_axe_finds_nothing_grave_on_the_study(page: str, tmp_path: Path, width: int) -> None:
     file = tmp_path / "study.html"
@@ -275,8 +265,10 @@ def test_axe_finds_nothing_grave_on_the_study(page: str, tmp_path: Path, width: 
         assert grave_findings(shown) == []
 
 
-def _study(*arguments: str, folder: Path):
-    return CliRunner().invoke(app, ["study", "--store", str(folder / "store"), *arguments])
+def _study(*arguments: str, folder: Path, code: int = 0):
+    done = CliRunner().invoke(app, ["study", "--store", str(folder / "store"), *arguments])
+    assert done.exit_code == code, done.output
+    return done
 
 
 @pytest.mark.parametrize(
@@ -304,8 +296,7 @@ def _study(*arguments: str, folder: Path):
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(arguments, sentence, tmp_path) -> None:
-    result = _study(*arguments, folder=tmp_path)
-    assert result.exit_code == REFUSED
+    result = _study(*arguments, folder=tmp_path, code=REFUSED)
     lines = result.stderr.splitlines()
     assert len(lines) == 1
     assert lines[0].startswith("winding: ")
@@ -315,16 +306,14 @@ def test_bad_input_is_one_sentence_and_leaves_nothing(arguments, sentence, tmp_p
 
 def test_a_report_where_a_file_stands_is_refused(tmp_path) -> None:
     (tmp_path / "taken").write_text("mine")
-    result = _study("--report", str(tmp_path / "taken"), folder=tmp_path)
-    assert result.exit_code == REFUSED
+    result = _study("--report", str(tmp_path / "taken"), folder=tmp_path, code=REFUSED)
     assert "taken is not a folder" in result.stderr
     assert (tmp_path / "taken").read_text() == "mine"
 
 
 def test_a_store_that_cannot_be_written_is_refused(tmp_path) -> None:
     (tmp_path / "store").write_text("a file")
-    result = _study("--cases", "4", folder=tmp_path)
-    assert result.exit_code == REFUSED
+    result = _study("--cases", "4", folder=tmp_path, code=REFUSED)
     assert "store is not a folder" in result.stderr
     assert len(result.stderr.splitlines()) == 1
 
@@ -333,7 +322,6 @@ def test_one_short_case_gives_tables_that_a_pipe_does_not_cut(tmp_path) -> None:
     out = tmp_path / "study.json"
     arguments = ("--cases", "3,4", "--duration", "7", "--json", str(out))
     result = _study(*arguments, folder=tmp_path)
-    assert result.exit_code == 0, result.stderr
     # Seven seconds turn the cylinder by 11.3 rad: both cases reach P1 at 6.3 and 6.6 rad, and P2
     # would need 12.4 and 13.1 rad.
     read = json.loads(out.read_text())
@@ -341,11 +329,9 @@ def test_one_short_case_gives_tables_that_a_pipe_does_not_cut(tmp_path) -> None:
     assert read["models"] == {}
     assert "No model of h was compared" in read["verdict"]
     assert "…" not in result.stdout
-    refused = _study(*arguments, folder=tmp_path)
-    assert refused.exit_code == REFUSED
+    refused = _study(*arguments, folder=tmp_path, code=REFUSED)
     assert f"--json: {out} exists already; --force replaces it" in refused.stderr
-    again = _study(*arguments, "--force", folder=tmp_path)
-    assert "2 of 2 cases are in" in again.stderr
+    assert "2 of 2 cases are in" in _study(*arguments, "--force", folder=tmp_path).stderr
     repeated = json.loads(out.read_text())
     first, second = read.pop("identity"), repeated.pop("identity")
     assert repeated == read
@@ -354,12 +340,10 @@ def test_one_short_case_gives_tables_that_a_pipe_does_not_cut(tmp_path) -> None:
 
 
 def test_runs_too_short_to_compare_are_refused(tmp_path) -> None:
-    result = _study("--cases", "4", "--duration", "0.5", folder=tmp_path)
-    assert result.exit_code != 0
+    result = _study("--cases", "4", "--duration", "0.5", folder=tmp_path, code=FAILED)
     assert "no measured marker is wound" in result.stderr
 
 
-@pytest.mark.slow
 def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> None:
     out = tmp_path / "study.json"
     result = _study(
@@ -378,7 +362,6 @@ def test_the_published_base_winds_nothing_and_keeps_its_weights(tmp_path) -> Non
     assert "within_run" in read["tables"]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
     process = start("study", "--cases", "1", *SLOW, cwd=tmp_path)
@@ -390,7 +373,6 @@ def test_an_interrupted_study_says_what_is_kept(number: int, tmp_path) -> None:
     assert "Traceback" not in output
 
 
-@pytest.mark.slow
 def test_a_killed_study_started_again_goes_on_and_says_so(tmp_path) -> None:
     store = tmp_path / "runs" / "study"
     arguments = ("--duration", "8", "--no-models", "--processes", "1")

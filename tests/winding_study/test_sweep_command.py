@@ -39,11 +39,12 @@ def spec(tmp_path: Path) -> Path:
     return path
 
 
-def sweep(*arguments: object) -> tuple[int, str]:
-    """Run the command in this process and return its exit code and all that it printed."""
+def sweep(*arguments: object, code: int = 0) -> str:
+    """Return all that a command prints that ends with a code, in this process."""
     result = CliRunner().invoke(app, ["sweep", *map(str, arguments)])
     assert result.exception is None or isinstance(result.exception, SystemExit)
-    return result.exit_code, result.output
+    assert result.exit_code == code, result.output
+    return result.output
 
 
 def read(path: Path) -> Arrays:
@@ -95,17 +96,16 @@ def test_nothing_is_left_open_in_a_row() -> None:
 
 def test_a_sweep_makes_a_table_and_does_it_once(tmp_path: Path, spec: Path) -> None:
     store, out = tmp_path / "store", tmp_path / "table.npz"
-    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1)
-    assert code == 0, output
+    output = sweep(spec, "--store", store, "--output", out, "--processes", 1)
     assert "8 runs ok, 0 failed" in output
     first, files = read(out), finished(store)
     assert first["friction"] == pytest.approx(np.linspace(0.05, 0.3, 8))
     assert first["run"].tolist() == list(range(1, 9))
     assert first["p2_wound"].all()
     again = (spec, "--store", store, "--output", out, "--processes", 1)
-    assert sweep(*again) == (2, f"winding: --output: {out} exists already; --force replaces it\n")
-    code, output = sweep(*again, "--force")
-    assert code == 0, output
+    there = f"winding: --output: {out} exists already; --force replaces it\n"
+    assert sweep(*again, code=2) == there
+    output = sweep(*again, "--force")
     assert f"8 of them are in {store} already" in output
     assert f"wrote {out}: 8 rows" in output
     assert finished(store) == files
@@ -124,8 +124,7 @@ def test_cables_and_cells_are_swept_by_name(tmp_path: Path) -> None:
         "cylinder_diameter_mm: 250, tension_n: 25}\n",
         encoding="utf-8",
     )
-    code, output = sweep(path, "--store", tmp_path / "store", "--output", out, "--processes", 1)
-    assert code == 0, output
+    output = sweep(path, "--store", tmp_path / "store", "--output", out, "--processes", 1)
     table = read(out)
     assert table["cell"].tolist() == [str(cell) for cell in cells for _ in range(2)]
     assert table["cable"].tolist() == ["hose", "tube"] * 2
@@ -134,9 +133,9 @@ def test_cables_and_cells_are_swept_by_name(tmp_path: Path) -> None:
     spacing = table["marker_spacing_mm"].tolist()
     assert spacing[0] == spacing[1] != spacing[2] == spacing[3]
     path.write_text("parameters: {cable: [hose, hse], duration_s: 1}\n", encoding="utf-8")
-    code, output = sweep(path, "--store", tmp_path / "store")
     sentence = "run 2 of 2 (cable hse): the library has no cable 'hse'; did you mean hose?"
-    assert (code, output) == (2, f"winding: {path}: {sentence}\n")
+    output = sweep(path, "--store", tmp_path / "store", code=2)
+    assert output == f"winding: {path}: {sentence}\n"
 
 
 def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> None:
@@ -145,8 +144,7 @@ def test_a_damaged_run_is_named_and_wound_again(tmp_path: Path, spec: Path) -> N
     first = read(out)
     victim = sorted(finished(store))[3]
     victim.write_bytes(victim.read_bytes()[:100])
-    code, output = sweep(spec, "--store", store, "--output", out, "--processes", 1, "--force")
-    assert code == 0, output
+    output = sweep(spec, "--store", store, "--output", out, "--processes", 1, "--force")
     assert f"{victim} is damaged and counts as missing" in output
     assert f"7 of them are in {store} already" in output
     assert same(read(out), first)
@@ -160,8 +158,7 @@ def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
         " feed_mm_s: [5, 400]}}"
     )
     out = tmp_path / "table.npz"
-    code, output = sweep(spec, "--store", tmp_path / "store", "--output", out, "--processes", 1)
-    assert code == 0, output
+    output = sweep(spec, "--store", tmp_path / "store", "--output", out, "--processes", 1)
     assert "1 runs ok, 1 failed" in output
     status = read(out)["status"]
     assert status[0] == "ok"
@@ -169,27 +166,23 @@ def test_a_failed_run_is_a_row(tmp_path: Path, spec: Path) -> None:
     assert np.isfinite(read(out)["p1_s_m"]).tolist() == [True, False]
 
 
-@pytest.mark.slow
 def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None:
     whole, out = tmp_path / "whole.npz", tmp_path / "table.npz"
     sweep(spec, "--store", tmp_path / "one", "--output", whole, "--processes", 1)
     store = tmp_path / "parts"
     seen: list[int] = []
     for k in (1, 2, 3):
-        code, output = sweep(spec, "--store", store, "--collect", "--output", out)
-        assert code == 1
+        output = sweep(spec, "--store", store, "--collect", "--output", out, code=1)
         assert f"runs are not in {store} yet" in output
         assert not out.exists()
         part = tmp_path / f"part{k}.npz"
-        code, output = sweep(
+        output = sweep(
             spec, "--store", store, "--shard", f"{k}/3", "--output", part, "--processes", 1
         )
-        assert code == 0, output
         assert "already" not in output
         seen += read(part)["run"].tolist()
     assert sorted(seen) == list(range(1, 9))
-    code, output = sweep(spec, "--store", store, "--collect", "--output", out)
-    assert code == 0, output
+    sweep(spec, "--store", store, "--collect", "--output", out)
     assert same(read(out), read(whole))
 
 
@@ -212,12 +205,9 @@ def test_shards_make_the_same_table_together(tmp_path: Path, spec: Path) -> None
         ("parameters: [case]", "must hold a mapping named parameters"),
     ],
 )
-def test_a_bad_description_is_refused_before_anything_is_wound(
-    tmp_path: Path, spec: Path, text: str, sentence: str
-) -> None:
+def test_a_bad_description_is_refused(tmp_path: Path, spec: Path, text: str, sentence: str) -> None:
     spec.write_text(text, encoding="utf-8")
-    code, output = sweep(spec, "--store", tmp_path / "store")
-    assert code == 2
+    output = sweep(spec, "--store", tmp_path / "store", code=2)
     assert sentence in output
     assert output.count("\n") == 1
     assert not (tmp_path / "store").exists()
@@ -243,24 +233,18 @@ def test_a_bad_description_is_refused_before_anything_is_wound(
 def test_a_bad_option_is_refused_in_one_sentence(
     tmp_path: Path, spec: Path, arguments: list[str], sentence: str
 ) -> None:
-    code, output = sweep(spec, "--store", tmp_path / "store", *arguments)
-    assert code == 2
+    output = sweep(spec, "--store", tmp_path / "store", *arguments, code=2)
     assert sentence in output
     assert output.count("\n") == 1
     assert not (tmp_path / "store").exists()
 
 
 def test_a_description_that_is_not_there_is_named(tmp_path: Path) -> None:
-    code, output = sweep(tmp_path / "none.yaml")
-    assert code == 2
-    assert "none.yaml: No such file or directory" in output
+    assert "none.yaml: No such file or directory" in sweep(tmp_path / "none.yaml", code=2)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
-def test_an_ended_sweep_goes_on_where_it_stopped(
-    tmp_path: Path, spec: Path, how: signal.Signals
-) -> None:
+def test_an_ended_sweep_is_continued(tmp_path: Path, spec: Path, how: signal.Signals) -> None:
     spec.write_text(LONG, encoding="utf-8")
     store, out = tmp_path / "store", tmp_path / "table.npz"
     process = start("sweep", spec, "--store", store, "--output", out)
@@ -279,8 +263,7 @@ def test_an_ended_sweep_goes_on_where_it_stopped(
     assert 3 <= len(kept) < 60
     assert not out.exists()
 
-    code, output = sweep(spec, "--store", store, "--output", out)
-    assert code == 0, output
+    output = sweep(spec, "--store", store, "--output", out)
     assert f"{len(kept)} of them are in {store} already" in output
     after = finished(store)
     assert len(after) == 60
@@ -317,7 +300,6 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, list[str], list[int]]]:
         yield cluster.scheduler_address, options, [one.pid for one in cluster.workers.values()]
 
 
-@pytest.mark.slow
 def test_a_cluster_behind_tls_loses_nothing_with_a_worker(
     tmp_path: Path, spec: Path, scheduler: tuple[str, list[str], list[int]]
 ) -> None:

@@ -4,8 +4,6 @@ import math
 import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import BinaryIO
@@ -16,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cable_fem_node.winding.winding_config import WindingConfig
+from processes import python
 from winding_core.cable.cases import paper_case
 from winding_study.run_store import RunStore, run_key, solver_sources, solver_version, write_whole
 from winding_study.sweep.spec import SpecError, SweepSpec, parse_spec
@@ -94,72 +93,57 @@ def test_samples_follow_their_seed_and_their_distribution() -> None:
     assert abs(np.corrcoef(friction, young)[0, 1]) < error
 
 
-def test_what_cannot_be_meant_is_refused_in_one_sentence() -> None:
-    for text, sentence in [
-        ("parameters: {fricton: 0.1}", "no parameter fricton; did you mean friction"),
-        ("parameters: {12: 0.1}", "a name must be a word, got 12"),
-        ("parameters: {friction: fast}", "friction must be a number, got 'fast'"),
-        ("parameters: {friction: 1e-3}", "YAML wants a point in it"),
-        ("parameters: {friction: true}", "friction must be a number, got True"),
-        ("parameters: {friction: .nan}", "friction must be finite, got nan"),
-        ("parameters: {friction: }", "friction must be a number, got None"),
-        ("parameters: {case: 1.5}", "case must be a whole number, got 1.5"),
-        ("parameters: {rolling: 1}", "rolling must be true or false, got 1"),
-        ("parameters: {law: 3}", "law must be a word, got 3"),
-        ("parameters: {friction: []}", "friction has an empty list"),
-        ("parameters: {friction: [[0.1]]}", "friction must be a number"),
-        ("parameters: {friction: {from: 1, to: 2}}", "friction lacks count"),
-        ("parameters: {friction: {from: 1, to: 2, count: 3, step: 4}}", "has no word 'step'"),
-        ("parameters: {friction: {from: 1, to: 2, count: 0}}", "count of friction must be"),
-        ("parameters: {friction: {from: 1, to: x, count: 3}}", "to of friction must be a number"),
-        (
-            "parameters: {friction: {from: 0, to: 2, count: 3, spacing: log}}",
-            "from and to must be positive",
-        ),
-        (
-            "parameters: {friction: {from: 1, to: 2, count: 3, spacing: odd}}",
-            "must be linear or log",
-        ),
-        ("parameters: {case: {from: 1, to: 2, count: 3}}", "but the range holds 1.5"),
-        ("parameters: {law: {from: 1, to: 2, count: 3}}", "law is no number"),
-        (
-            "parameters: {friction: {random: flat, low: 1, high: 2, count: 3, seed: 1}}",
-            "must be uniform or normal, got 'flat'",
-        ),
-        (
-            "parameters: {friction: {random: uniform, low: 1, high: 2, count: 3}}",
-            "friction lacks seed",
-        ),
-        (
-            "parameters: {friction: {random: uniform, low: 2, high: 1, count: 3, seed: 1}}",
-            "low of friction must not exceed high",
-        ),
-        (
-            "parameters: {friction: {random: normal, mean: 1, deviation: -1, count: 3, seed: 1}}",
-            "deviation of friction must not be negative",
-        ),
-        (
-            "parameters: {case: {random: uniform, low: 1, high: 12, count: 3, seed: 1}}",
-            "case is a whole number",
-        ),
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        *((f"parameters: {{{text}}}", sentence) for text, sentence in (
+            ("fricton: 0.1", "no parameter fricton; did you mean friction"),
+            ("12: 0.1", "a name must be a word, got 12"),
+            ("friction: fast", "friction must be a number, got 'fast'"),
+            ("friction: 1e-3", "YAML wants a point in it"),
+            ("friction: true", "friction must be a number, got True"),
+            ("friction: .nan", "friction must be finite, got nan"),
+            ("friction: ", "friction must be a number, got None"),
+            ("case: 1.5", "case must be a whole number, got 1.5"),
+            ("rolling: 1", "rolling must be true or false, got 1"),
+            ("law: 3", "law must be a word, got 3"),
+            ("friction: []", "friction has an empty list"),
+            ("friction: [[0.1]]", "friction must be a number"),
+            ("friction: {from: 1, to: 2}", "friction lacks count"),
+            ("friction: {from: 1, to: 2, count: 3, step: 4}", "has no word 'step'"),
+            ("friction: {from: 1, to: 2, count: 0}", "count of friction must be"),
+            ("friction: {from: 1, to: x, count: 3}", "to of friction must be a number"),
+            ("friction: {from: 0, to: 2, count: 3, spacing: log}", "from and to must be positive"),
+            ("friction: {from: 1, to: 2, count: 3, spacing: odd}", "must be linear or log"),
+            ("case: {from: 1, to: 2, count: 3}", "but the range holds 1.5"),
+            ("law: {from: 1, to: 2, count: 3}", "law is no number"),
+            ("friction: {random: flat, low: 1, high: 2, count: 3, seed: 1}",
+             "must be uniform or normal, got 'flat'"),
+            ("friction: {random: uniform, low: 1, high: 2, count: 3}", "friction lacks seed"),
+            ("friction: {random: uniform, low: 2, high: 1, count: 3, seed: 1}",
+             "low of friction must not exceed high"),
+            ("friction: {random: normal, mean: 1, deviation: -1, count: 3, seed: 1}",
+             "deviation of friction must not be negative"),
+            ("case: {random: uniform, low: 1, high: 12, count: 3, seed: 1}",
+             "case is a whole number"),
+            ("case: 4, case: 5", "case stands twice"),
+            ("friction: {from: 1, to: 2, count: 5000}, tension_n: {from: 1, to: 2, count: 5000}",
+             "it has 25000000 runs, more than 1000000"),
+        )),
         ("{combine: zip, parameters: {friction: [1, 2], case: [1, 2, 3]}}", "friction 2, case 3"),
         ("{combine: mix, parameters: {case: 4}}", "combine must be grid or zip, got 'mix'"),
         ("{parameters: {case: 4}, seed: 1}", "it holds 'seed'"),
-        ("parameters: {case: 4, case: 5}", "case stands twice"),
         ("parameters: {}", "names no parameter"),
         ("[1, 2]", "must hold a mapping named parameters"),
         ("parameters: {case: [4", "it is no YAML"),
         ("parameters: !!python/object/apply:os.getcwd []", "it is no YAML"),
-        (
-            "parameters: {friction: {from: 1, to: 2, count: 5000},"
-            " tension_n: {from: 1, to: 2, count: 5000}}",
-            "it has 25000000 runs, more than 1000000",
-        ),
-    ]:
-        with pytest.raises(SpecError) as caught:
-            parsed(text)
-        assert sentence in str(caught.value)
-        assert "\n" not in str(caught.value)
+    ],
+)  # fmt: skip
+def test_what_cannot_be_meant_is_refused_in_one_sentence(text: str, sentence: str) -> None:
+    with pytest.raises(SpecError) as caught:
+        parsed(text)
+    assert sentence in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,10 +189,7 @@ def test_what_has_no_canonical_form_is_refused() -> None:
 @pytest.mark.slow
 def test_the_version_covers_what_a_prediction_loads_and_no_adapter() -> None:
     names = set(solver_sources())
-    loaded = subprocess.run(
-        [sys.executable, "-c", LOADED], capture_output=True, text=True, check=True
-    )
-    files = {name.replace(".", "/") for name in loaded.stdout.split()}
+    files = {name.replace(".", "/") for name in python(LOADED, check=True).stdout.split()}
     covered = {name.removesuffix(".py").removesuffix("/__init__") for name in names}
     assert files <= covered
     assert {"cable_fem_node/winding/winding_kernels.py", "winding_core/cable/cases.py"} <= names
@@ -221,7 +202,6 @@ def test_what_was_saved_is_loaded(tmp_path: Path, refusals: list[str]) -> None:
     assert store.load(KEY, refusals.append) is None
     store.save(KEY, {"s": [0.1, 0.2], "status": "ok", "count": 3})
     found = store.load(KEY, refusals.append)
-    assert found is not None
     assert found["s"].tolist() == [0.1, 0.2]
     assert (str(found["status"]), int(found["count"])) == ("ok", 3)
     assert not refusals
@@ -293,9 +273,7 @@ def _write_half_and_die(path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_killed_writer_leaves_no_run_and_is_cleaned_up(
-    tmp_path: Path, refusals: list[str]
-) -> None:
+def test_a_killed_writer_leaves_no_run_and_is_cleaned(tmp_path: Path, refusals: list[str]) -> None:
     store = RunStore(tmp_path)
     store.path(KEY).parent.mkdir(parents=True)
     writer = multiprocessing.get_context("spawn").Process(

@@ -186,7 +186,6 @@ def test_no_other_format_is_written(tmp_path: Path) -> None:
         write_table(tmp_path / "t.ods", {})
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("engine", [JoblibEngine(processes=1), DaskEngine(processes=2)])
 def test_engines_give_the_same_table(tmp_path: Path, engine: Engine) -> None:
     given = runs(6)
@@ -214,7 +213,6 @@ def test_only_what_is_missing_is_wound(tmp_path: Path) -> None:
     assert set(stored_results(store, list(given), quiet)) == set(others)
 
 
-@pytest.mark.slow
 def test_a_killed_process_loses_nothing(tmp_path: Path) -> None:
     given = runs(48, duration=2.0)
     winding = JoblibEngine(processes=2).wind(given, RunStore(tmp_path))
@@ -231,26 +229,20 @@ def test_a_killed_process_loses_nothing(tmp_path: Path) -> None:
     assert {str(results["status"]) for results in found.values()} == {OK}
 
 
-def deadly(count: int) -> dict[str, PlannedRun]:
-    poison = KillsItsWorker(config=WindingConfig(case=CASE), duration=1.5)
-    return runs(count) | {key_of(poison): poison}
-
-
-@pytest.mark.slow
-def test_a_run_that_kills_every_process_ends_the_sweep_but_no_other_run(tmp_path: Path) -> None:
-    given = deadly(4)
-    with pytest.raises(EngineError, match=r"killed 3 times in a row.*; 1 runs are missing"):
-        dict(JoblibEngine(processes=2).wind(given, RunStore(tmp_path)))
-    assert len(stored_results(RunStore(tmp_path), list(given), quiet)) == 4
-
-
-# Eight workers start one after the other, on a busy computer for half a minute each.
+# Eight workers of a cluster start one after the other, on a busy computer half a minute each.
 @pytest.mark.timeout(900)
-@pytest.mark.slow
-def test_a_run_that_kills_every_worker_of_a_cluster_ends_no_other_run(tmp_path: Path) -> None:
-    given = deadly(4)
-    with pytest.raises(EngineError, match="1 runs ended their worker again and again"):
-        dict(DaskEngine(processes=2).wind(given, RunStore(tmp_path)))
+@pytest.mark.parametrize(
+    ("engine", "sentence"),
+    [
+        (JoblibEngine(processes=2), r"killed 3 times in a row.*; 1 runs are missing"),
+        (DaskEngine(processes=2), "1 runs ended their worker again and again"),
+    ],
+)
+def test_a_run_that_kills_its_process_ends_no_other(tmp_path, engine, sentence) -> None:
+    poison = KillsItsWorker(config=WindingConfig(case=CASE), duration=1.5)
+    given = runs(4) | {key_of(poison): poison}
+    with pytest.raises(EngineError, match=sentence):
+        dict(engine.wind(given, RunStore(tmp_path)))
     assert len(stored_results(RunStore(tmp_path), list(given), quiet)) == 4
 
 

@@ -36,8 +36,6 @@ class Pause(NamedTuple):
 
 @dataclass(frozen=True, kw_only=True)
 class Cell:
-    """What this cell is like."""
-
     case: int = 4  # Row of the paper's Table 2
     joint_rate: float = 200.0  # Encoder samples per second
     frame_rate: float = 50.0  # Frames per second; 0 for a camera in another process

@@ -87,8 +87,6 @@ class Drum:
 
 
 class CommandedCell(SensorCell):
-    """Goes where it is commanded."""
-
     def __init__(self, seed: int, truth: Path) -> None:
         super().__init__(CASE, camera=True)
         rng = np.random.default_rng(seed)
@@ -165,7 +163,6 @@ class CommandedCell(SensorCell):
         )
 
     def write(self) -> None:
-        """Write where the cable lies."""
         theta, z = np.array(self.drum.path).T
         record = {"theta": theta.tolist(), "z": z.tolist(), "markers": self.drum.markers[1:]}
         self.truth.write_text(json.dumps(record), encoding="utf-8")

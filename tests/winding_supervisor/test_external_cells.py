@@ -4,7 +4,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -40,15 +39,6 @@ COMMANDED_CELL = Path(__file__).with_name("commanded_cell.py")
 ADVANCE = LayControlParameters().resolved().drive.advance_per_radian
 
 
-@dataclass(frozen=True)
-class Wound:
-    """A run's end: exit code, output, and the tracked lengths [m]."""
-
-    code: int
-    output: str
-    lengths: list[float]
-
-
 @pytest.fixture
 def cell(request: pytest.FixtureRequest) -> Iterator[None]:
     """Run a cell that differs from the ideal one as the test asks."""
@@ -57,18 +47,17 @@ def cell(request: pytest.FixtureRequest) -> Iterator[None]:
 
 
 @pytest.fixture
-def wind(cell: None, tmp_path: Path, command: Callable[..., Any]) -> Callable[..., Wound]:
-    """Wind case 4 with the cell."""
+def wind(cell: None, tmp_path: Path, command: Any) -> Callable[..., list[float]]:
+    """Wind case 4 with the cell; return the tracked lengths [m]."""
 
-    def run(*further: object) -> Wound:
-        done = command(
+    def run(*further: object) -> list[float]:
+        command(
             *("run", "--case", 4, "--machine", "external", "--namespace", NAMESPACE),
             *("--duration-s", DURATION, "--output", tmp_path / "run", *further),
-            cwd=tmp_path,
-        )
+            cwd=tmp_path, code=0,
+        )  # fmt: skip
         numbers = json.loads((tmp_path / "run" / "run.json").read_text(encoding="utf-8"))
-        lengths = [marker["s_tracked_m"] for marker in numbers["markers"][:2]]
-        return Wound(code=done.returncode, output=done.stdout + done.stderr, lengths=lengths)
+        return [marker["s_tracked_m"] for marker in numbers["markers"][:2]]
 
     return run
 
@@ -79,43 +68,22 @@ def wind(cell: None, tmp_path: Path, command: Callable[..., Any]) -> Callable[..
         ({}, ()),
         ({"angle": 37.2, "carriage": 0.1, "reversed": True}, REVERSED),
         ({"joint_rate": 100.0, "velocities": False, "loss": 0.05, "jitter": 0.02}, ()),
-    ],
-    indirect=["cell"],
-    ids=["ideal", "offset and reversed", "100 Hz positions with losses and delays"],
-)
-def test_markers_are_measured_where_they_lie(
-    wind: Callable[..., Wound], options: tuple[object, ...]
-) -> None:
-    wound = wind(*options)
-    assert wound.code == 0, wound.output
-    assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
-
-
-# At a steady speed an offset shifts all bands alike; what it would change in the ramp is withheld.
-@pytest.mark.parametrize(
-    ("cell", "options"),
-    [
         *((pause, ()) for pause in PAUSES),
+        # At a steady speed an offset shifts all bands alike; what it would change in the ramp is
+        # withheld.
         *(({"camera_offset": offset}, CORRECTED) for offset in (0.05, -0.2)),
         *(({"camera_offset": offset}, ()) for offset in (0.05, -0.005)),
     ],
     indirect=["cell"],
     ids=str,
 )
-def test_pauses_and_a_camera_clock_that_is_off_change_no_length(
-    wind: Callable[..., Wound], options: tuple[object, ...]
-) -> None:
-    wound = wind(*options)
-    assert wound.code == 0, wound.output
-    assert wound.lengths == pytest.approx(MEASURED, rel=NEAR)
+def test_markers_are_measured_where_they_lie(wind: Any, options: tuple[object, ...]) -> None:
+    assert wind(*options) == pytest.approx(MEASURED, rel=NEAR)
 
 
 @pytest.mark.parametrize("cell", [{"camera_offset": 0.083}], indirect=True, ids=str)
-def test_the_trace_follows_frames_whose_stamps_are_ahead_of_their_exposure(
-    wind: Callable[..., Wound], tmp_path: Path
-) -> None:
-    wound = wind(*CORRECTED, "--trace", tmp_path / "trace.json")
-    assert wound.code == 0, wound.output
+def test_the_trace_follows_frames_stamped_ahead_of_exposure(wind: Any, tmp_path: Path) -> None:
+    wind(*CORRECTED, "--trace", tmp_path / "trace.json")
     trace = json.loads((tmp_path / "trace.json").read_text(encoding="utf-8"))
     ways: dict[str, list[float]] = {"camera": [], "prediction": []}
     for event in trace["traceEvents"]:
@@ -139,10 +107,9 @@ def test_the_trace_follows_frames_whose_stamps_are_ahead_of_their_exposure(
     ids=str,
 )
 def test_a_length_that_the_clock_falsifies_is_published_under_the_warning(
-    request: pytest.FixtureRequest, wind: Callable[..., Wound], tmp_path: Path
+    request: pytest.FixtureRequest, wind: Any, tmp_path: Path
 ) -> None:
-    wound = wind("--bag", tmp_path / "bag")
-    assert wound.code == 0, wound.output
+    wind("--bag", tmp_path / "bag")
     warned = [
         t
         for data in recorded(tmp_path / "bag", topics.DIAGNOSTICS.name)
@@ -165,33 +132,29 @@ def test_a_length_that_the_clock_falsifies_is_published_under_the_warning(
 
 @pytest.mark.parametrize("cell", [{"frame_rate": 0.0, "joint_rate": 100.0}], indirect=True, ids=str)
 def test_a_camera_in_the_trackers_process_hands_its_frames_over(
-    wind: Callable[..., Wound], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wind: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     camera, film = CELL.with_name("film_camera.py"), tmp_path / "film.npy"
     subprocess.run([sys.executable, str(camera), str(film), "8", "200"], check=True)
     monkeypatch.setenv("WINDING_FILM", str(film))
     bag = tmp_path / "bag"
-    wound = wind("--duration-s", 7, "--bag", bag, "--compose", f"{camera}:open_camera")
-    assert wound.code == 0, wound.output
+    lengths = wind("--duration-s", 7, "--bag", bag, "--compose", f"{camera}:open_camera")
     frames = len(recorded(bag, topics.CAMERA_INFO.name))
     assert len(recorded(bag, topics.TRACKED_MARKERS.name)) == frames > 700
-    assert wound.lengths[0] == pytest.approx(MEASURED[0], rel=NEAR)
+    assert lengths[0] == pytest.approx(MEASURED[0], rel=NEAR)
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_markers_of_another_cell_land_on_the_wanted_helix(
-    seed: int, tmp_path: Path, command: Callable[..., Any]
-) -> None:
+def test_markers_of_another_cell_land_on_the_helix(seed: int, tmp_path: Path, command: Any) -> None:
     truth = tmp_path / "truth.json"
     with running(COMMANDED_CELL, seed, truth, *in_namespace(NAMESPACE), ready="ready"):
-        done = command(
+        command(
             *("run", "--case", 4, "--machine", "external", "--namespace", NAMESPACE),
             *("--cylinder-joint", "spindle", "--carriage-joint", "slide"),
             *("--carriage-scale", -0.001, "--control", "drive", "--duration-s", 13),
             *("--output", tmp_path / "run"),
-            cwd=tmp_path,
-        )
-    assert done.returncode == 0, done.stdout + done.stderr
+            cwd=tmp_path, code=0,
+        )  # fmt: skip
     lay = json.loads(truth.read_text(encoding="utf-8"))
     theta, z = np.array(lay["theta"]), np.array(lay["z"])
     markers = np.array([angle for angle in lay["markers"] if angle < theta[-1]])

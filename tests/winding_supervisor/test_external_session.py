@@ -71,13 +71,11 @@ class ConductedSession:
         self.until(reached)
 
     def call(self, service: str) -> Any:
-        """Call a service of the graph."""
         return self._ros.call(
             self._node, Trigger, f"/{self._namespace}/{service}", Trigger.Request()
         )
 
     def until(self, reached: Callable[[], bool]) -> None:
-        """Wait for something while the command goes on."""
         end = time.monotonic() + PATIENCE
         while not reached():
             assert self.process.poll() is None
@@ -85,11 +83,9 @@ class ConductedSession:
             self._ros.executor.spin_once(timeout_sec=0.05)
 
     def kill(self, package: str) -> None:
-        """Kill a node's process."""
         child_of(self.process, package).kill()
 
     def served(self) -> bool:
-        """Return whether the operator's page answers."""
         try:
             self.page()
         except urllib.error.URLError:
@@ -97,7 +93,6 @@ class ConductedSession:
         return True
 
     def page(self) -> dict[str, Any]:
-        """Return what the operator's page shows."""
         url = f"http://127.0.0.1:{self._port}/snapshot"
         with urllib.request.urlopen(url, timeout=PATIENCE) as answer:
             shown: dict[str, Any] = json.load(answer)
@@ -128,7 +123,6 @@ class ConductedSession:
         return (self.folder / "events.jsonl").read_text(encoding="utf-8").count('"not stopped"')
 
     def record(self, number: int) -> Any:
-        """Return the numbers of a run."""
         folder = self.folder if number == 1 else self.folder / f"run-{number}"
         return json.loads((folder / "run.json").read_text(encoding="utf-8"))
 

@@ -6,10 +6,10 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from axis_readings import axis_reading
 
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import DriveProfile
-from winding_core.machine.readings import AxisReading
 from winding_core.run_outcome import Cause, EndedBy, Motion
 from winding_recorder.live.run_buffer import BufferedMessage, RunBuffer
 from winding_ros import topics
@@ -42,11 +42,8 @@ class Machine:
             moved = min(max(float(t), 0.0), holds_at)
             (angle, way), (speed, feed) = DRIVE.positions(moved), DRIVE.speeds(moved)
             moves = 0.0 <= t < holds_at
-            reading = AxisReading(
-                cylinder_angle=self._scale * float(angle),
-                angular_speed=self._scale * float(speed) * moves,
-                carriage_position=float(way), feed_speed=float(feed) * moves,
-            )  # fmt: skip
+            turned, turning = (self._scale * float(value) for value in (angle, speed * moves))
+            reading = axis_reading(turned, float(way), speed=turning, feed=float(feed) * moves)
             stamp = round(1e9 * (50.0 + t))
             data = bytes(encode_joint_state(50.0 + float(t), reading))
             self._buffer.add(topics.JOINT_STATES, BufferedMessage(stamp, stamp, stamp, data))
@@ -83,7 +80,6 @@ def test_a_machine_that_stands_before_its_end_has_stopped_by_itself() -> None:
     machine.is_looked_at(0.1)
     assert machine.seen.end is not None
     early = machine.seen.early
-    assert early is not None
     assert (early.by, early.source) == (EndedBy.MACHINE, "rig/joint_states")
     turns = float(DRIVE.positions(3.5)[0]) / TURN
     assert f"after {turns:.2f} of 2.00 turns and stood for 2.5 s" in early.text
@@ -111,9 +107,7 @@ def test_only_a_machine_that_is_seen_standing_stands() -> None:
 
 
 @pytest.mark.parametrize("file", ["/dev/full", "gone/events.jsonl"])
-def test_a_disk_that_takes_no_event_hides_neither_event_nor_cause(
-    tmp_path: Path, file: str
-) -> None:
+def test_a_disk_that_takes_no_event_hides_no_event_nor_cause(tmp_path: Path, file: str) -> None:
     log = EventLog(file=tmp_path / file)
     cause = Cause(by=EndedBy.SUPERVISION, source="correction", text="correction is gone", t=1.25)
     log.note("detected", "correction", "ended with exit code -11", t=1.25)

@@ -10,11 +10,11 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from axis_readings import axis_reading
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from processes import free_port
-from winding_core.machine.readings import AxisReading
 from winding_core.run_options import OperatorLimits
 from winding_core.run_outcome import Cause, EndedBy
 from winding_core.status import Status
@@ -46,12 +46,7 @@ class Machine:
         """Wind on from a simulated time [s] and an angle [rad]."""
         for k in range(samples):
             t = begin + 1e-3 * k
-            reading = AxisReading(
-                cylinder_angle=angle + SPEED * 1e-3 * k,
-                angular_speed=SPEED,
-                carriage_position=0.0,
-                feed_speed=0.005,
-            )
+            reading = axis_reading(angle + SPEED * 1e-3 * k, speed=SPEED, feed=0.005)
             self._buffer(topics.JOINT_STATES, t, encode_joint_state(t, reading))
 
     def predict(self) -> None:
@@ -70,9 +65,7 @@ class Machine:
         )
 
 
-_STANDING = AxisReading(
-    cylinder_angle=0.0, angular_speed=0.0, carriage_position=0.0, feed_speed=0.0
-)
+_STANDING = axis_reading()
 
 
 def test_stop_and_start_are_one_run() -> None:
@@ -199,7 +192,6 @@ async def test_a_run_that_was_stopped_is_over_when_its_machine_is_reset() -> Non
     session.reports("idle", 0.699, run_time="0.000")
     assert session.conduct.end == pytest.approx(0.699)
     early = session.conduct.early
-    assert early is not None
     assert (early.by, early.text) == (EndedBy.OPERATOR, "stopped by the operator")
 
 
@@ -299,9 +291,7 @@ async def unasked(node: str) -> str:
 
 
 @pytest.mark.processes
-def test_page_that_is_refused_ends_the_start_with_its_sentence(
-    client: AsyncClient, tmp_path: Path
-) -> None:
+def test_refused_page_ends_the_start_with_its_sentence(client: AsyncClient, tmp_path: Path) -> None:
     page = keeper(client, tmp_path, host="0.0.0.0", port=1)
 
     async def start() -> None:

@@ -127,9 +127,7 @@ def test_a_held_process_is_given_up(client: AsyncClient, tmp_path: Path) -> None
 
 @pytest.mark.processes
 @pytest.mark.campaign
-def test_nodes_that_die_while_another_is_restarted_wait_for_their_own_restart(
-    client: AsyncClient, tmp_path: Path
-) -> None:
+def test_nodes_that_die_in_a_restart_wait_for_theirs(client: AsyncClient, tmp_path: Path) -> None:
     paced = [topic.name for topic in pace_topics() if topic is not topics.RECORDER_PROGRESS]
     parameters: dict[str, dict[str, object]] = {
         spec.name: {"case": 7, "duration": 3.0} for spec in GRAPH

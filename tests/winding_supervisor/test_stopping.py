@@ -2,8 +2,6 @@
 
 import asyncio
 import signal
-import subprocess
-import sys
 from contextlib import AsyncExitStack
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,6 +9,7 @@ from typing import Any, cast
 
 import pytest
 
+from processes import python
 from winding_core.machine.axes import MachineAxes
 from winding_core.machine.drive import DriveProfile
 from winding_supervisor.machines.external_machine import ExternalMachine, ExternalMachineConfig
@@ -178,9 +177,7 @@ async def test_two_services_that_hang_are_named() -> None:
 
 
 @pytest.mark.slow
-def test_closing_that_hangs_with_the_interpreters_lock_held_ends_the_process(
-    tmp_path: Path,
-) -> None:
+def test_closing_that_hangs_with_the_interpreter_lock_held_ends_the_process(tmp_path: Path) -> None:
     # A call into C through PyDLL keeps the lock, as the middleware's deadlock did.
     program = """
 import ctypes, sys
@@ -190,8 +187,7 @@ with ended_if_stuck(1.5, Path(sys.argv[1])):
     ctypes.PyDLL(None).pause()
 """
     file = tmp_path / "closing.txt"
-    ended = subprocess.run([sys.executable, "-c", program, str(file)], check=False, timeout=120)
-    assert ended.returncode == 1
+    assert python(program, file, timeout=120).returncode == 1
     assert "Timeout" in file.read_text(encoding="utf-8")
 
 

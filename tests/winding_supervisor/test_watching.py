@@ -59,9 +59,7 @@ def test_topics_in_step_are_fine_even_when_all_stand() -> None:
 
 
 def test_silent_topic_is_named_with_its_last_stamp() -> None:
-    found = looks(lambda now: in_step(now) | {"rig/tension": min(now, 1.0)})
-    assert found is not None
-    when, wrong = found
+    when, wrong = looks(lambda now: in_step(now) | {"rig/tension": min(now, 1.0)})
     assert wrong == ("rig/tension", "is silent since 1.000 s of simulated time")
     # A lag of 0.12 s that lasts for 2 s, seen at most one look late.
     assert when == pytest.approx(3.12, abs=0.11)
@@ -74,9 +72,7 @@ def test_topic_that_lags_and_catches_up_is_not_silent() -> None:
 
 
 def test_clock_that_jumps_ahead_is_named() -> None:
-    found = looks(lambda now: in_step(now) | {"/clock": 2.0 * now})
-    assert found is not None
-    topic, text = found[1]
+    topic, text = looks(lambda now: in_step(now) | {"/clock": 2.0 * now})[1]
     assert topic == "/clock"
     assert text.startswith("is at ")
 
@@ -157,9 +153,7 @@ def test_events_are_in_the_file_at_their_wall_times(tmp_path: Path) -> None:
 
 def buffered(buffer: RunBuffer, topic: Topic, rows: list[tuple[int, int]]) -> None:
     for stamp, received in rows:
-        buffer.add(
-            topic, BufferedMessage(stamp_ns=stamp, sent_ns=received, received_ns=received, data=b"")
-        )
+        buffer.add(topic, BufferedMessage(stamp, received, received, b""))
 
 
 def test_vitals_give_rates_latency_and_lost_frames() -> None:
@@ -227,7 +221,6 @@ def test_the_successor_of_a_killed_node_is_no_rival_while_it_is_forgotten(ros: A
     assert watch.look(0.0) is None
     assert watch.look(9.0) is None
     contested = watch.look(11.0)
-    assert contested is not None
     assert "has 2 publishers" in contested[1]
     del publishers
 
@@ -269,18 +262,13 @@ def test_a_late_subscriber_gets_the_machine_of_the_run(ros: Any, tmp_path: Path)
         ),
     ],
 )
-def test_joint_states_that_are_not_the_machines_are_named(
-    names: list[list[str]], words: str
-) -> None:
+def test_joint_states_of_no_machine_are_named(names: list[list[str]], words: str) -> None:
     buffer = RunBuffer([topics.JOINT_STATES])
     for k in range(51):
         heard = names[k % len(names)]
         state = JointState(name=heard, position=[1.0] * len(heard))
-        arrived = 20_000_000 * k
-        buffer.add(
-            topics.JOINT_STATES,
-            BufferedMessage(arrived, arrived, arrived, serialize_message(state)),
-        )
+        arrived, data = 20_000_000 * k, serialize_message(state)
+        buffer.add(topics.JOINT_STATES, BufferedMessage(arrived, arrived, arrived, data))
     # Every look at the clock is a minute after the one before.
     looks = itertools.count(0.0, 60.0)
     node: Any = None
@@ -291,10 +279,7 @@ def test_joint_states_that_are_not_the_machines_are_named(
 def test_a_watch_that_was_held_takes_no_topic_for_silent() -> None:
     clock, watch = WatchClock(), SensorWatch()
     for now in (10.0, 10.05, 13.4, 13.45):
-        stamps = {
-            "clock": now,
-            "rig/joint_states": now,
-            "rig/tension": 10.0 if now < 13.42 else now,
-        }
+        stamps = dict.fromkeys(("clock", "rig/joint_states"), now)
+        stamps["rig/tension"] = 10.0 if now < 13.42 else now
         assert watch.look(clock.look(now), stamps, {}) is None
     assert clock.time == pytest.approx(0.3)

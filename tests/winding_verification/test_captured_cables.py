@@ -94,9 +94,7 @@ class _Command:
         (b"no pickle", "is no file of DEFORM"),
     ],
 )
-def test_file_that_is_no_run_is_refused_in_one_sentence(
-    tmp_path: Path, content: bytes, sentence: str
-) -> None:
+def test_file_that_is_no_run_is_refused(tmp_path: Path, content: bytes, sentence: str) -> None:
     file = tmp_path / "1.pkl"
     file.write_bytes(content)
     with pytest.raises(ExternalFileError) as caught:
@@ -131,9 +129,7 @@ def test_swaying_grippers_take_the_cable_along(rest: np.ndarray) -> None:
 
 
 @pytest.mark.slow
-def test_cable_is_found_again_from_its_own_runs(
-    rest: np.ndarray, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cable_is_found_from_own_runs(rest: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(held_cable_fit, "ROUNDS", 5)
     runs = [moved_run(rest, 70, 0.15)]
     gaps = held_cable_fit.usual_gaps(runs)
@@ -198,8 +194,7 @@ def test_command_fits_predicts_and_compares(tmp_path: Path, rest: np.ndarray) ->
     write_losses(tmp_path, "DLO7", [0.02, 0.01])
     table = tmp_path / "rows.json"
     words = ["verify", "deform", "--external", str(tmp_path), "--json", str(table)]
-    done = winding(tmp_path, *words)
-    assert done.exit_code == 0, done.output
+    done = winding(tmp_path, *words, code=0)
     error, time, share = json.loads(table.read_text())
     assert error["published"] == {"DEFORM": 0.01}
     assert error["computed"] < 1.0e-3
@@ -216,11 +211,8 @@ def test_command_fits_predicts_and_compares(tmp_path: Path, rest: np.ndarray) ->
         ("train", "holds no runs of DEFORM"),
     ],
 )
-def test_cable_without_one_of_its_splits_is_refused(
-    tmp_path: Path, split: str, sentence: str
-) -> None:
+def test_cable_without_one_split_is_refused(tmp_path: Path, split: str, sentence: str) -> None:
     run = np.random.default_rng(4).standard_normal((4, 6, 3))
     write_run(tmp_path / "DLO7" / split / "1.pkl", run)
-    done = winding(tmp_path, "verify", "deform", "--external", tmp_path)
-    assert done.exit_code == 2
+    done = winding(tmp_path, "verify", "deform", "--external", tmp_path, code=2)
     assert sentence in " ".join(done.output.split())

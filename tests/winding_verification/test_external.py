@@ -287,8 +287,7 @@ def test_each_physical_problem_is_computed_once(tmp_path: Path) -> None:
     again = cantilever(tmp_path / "a-resolution")
     content = json.loads(again.read_text())
     again.write_text(json.dumps({**content, "varied": {"resolution": 10}}))
-    other = cantilever(tmp_path / "pile")
-    other.write_text(json.dumps({**content, "name": "pile"}))
+    cantilever(tmp_path / "pile").write_text(json.dumps({**content, "name": "pile"}))
     assert found_experiments(tmp_path) == ([kept], ("pile",))
 
 
@@ -298,8 +297,7 @@ def test_published_figures_stand_beside_ours(tmp_path: Path) -> None:
     result = {"solver": "slow", "metrics": {"tip_deflection_error": 0.0731, "other": None}}
     (file.parent / "slow" / "result.json").write_text(json.dumps(result))
     table = tmp_path / "rows.json"
-    done = winding(tmp_path, "verify", "--external", tmp_path, "--json", table)
-    assert done.exit_code == 0, done.output
+    done = winding(tmp_path, "verify", "--external", tmp_path, "--json", table, code=0)
     (row,) = json.loads(table.read_text())
     assert row["published"] == {"slow": 0.0731}
     assert row["pass"]
@@ -307,14 +305,11 @@ def test_published_figures_stand_beside_ours(tmp_path: Path) -> None:
     assert "1 of 1 quantities within their bar" in done.output
 
 
-def test_bar_that_is_not_kept_ends_with_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bar_that_is_missed_ends_with_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     cantilever(tmp_path)
     module = "winding_verification.experiments.comparison"
     monkeypatch.setattr(f"{module}._BARS", {"tip_deflection_error": 1.0e-9})
-    done = winding(tmp_path, "verify", "--external", tmp_path)
-    assert done.exit_code == 1
+    done = winding(tmp_path, "verify", "--external", tmp_path, code=1)
     assert "0 of 1 quantities within their bar" in done.output
 
 
@@ -327,9 +322,7 @@ def test_bar_that_is_not_kept_ends_with_one(
         ({"rods": [{"centerline": [[0.0, 0.0]]}]}, "a centerline must be finite with shape"),
     ],
 )
-def test_file_with_other_content_is_refused_in_one_sentence(
-    tmp_path: Path, change: dict[str, object], sentence: str
-) -> None:
+def test_other_content_is_refused(tmp_path: Path, change: dict[str, object], sentence: str) -> None:
     file = cantilever(tmp_path)
     content = json.loads(file.read_text())
     content["scenario"] |= change
@@ -347,9 +340,6 @@ def test_file_with_other_content_is_refused_in_one_sentence(
         (["verify", "knot", "--external", "."], "no experiment named knot; there are cantilever"),
     ],
 )
-def test_folder_without_experiments_is_refused(
-    tmp_path: Path, words: list[str], sentence: str
-) -> None:
-    done = winding(tmp_path, *words)
-    assert done.exit_code == 2
+def test_absent_experiments_are_refused(tmp_path: Path, words: list[str], sentence: str) -> None:
+    done = winding(tmp_path, *words, code=2)
     assert sentence in " ".join(done.output.split())

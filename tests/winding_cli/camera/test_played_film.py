@@ -20,7 +20,7 @@ from marker_tracker_node.camera.image_formats import RawImage
 from marker_tracker_node.camera.recordings import MEASURED, Motion, read_motion
 from marker_tracker_node.ros.message_handler import TrackerHandler
 from marker_tracker_node.ros.parameters import TrackerParameters
-from processes import COMMAND, in_namespace
+from processes import COMMAND, in_namespace, ran
 from winding_cli.offline.played_film import Delivery, Due, Played, due_messages, play
 from winding_core.markers import MARKER_DTYPE, MarkerFlag, Markers
 from winding_ros import topics
@@ -38,8 +38,7 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same pictures in every run: the lay of case 4 as published, noise of one seed."""
     folder = tmp_path_factory.mktemp("made")
     words = ("--case", CASE, "--fps", FPS, "--duration-s", SECONDS, "--seed", 7)
-    done = winding(folder, "render", "film", *words)
-    assert done.exit_code == 0, done.output
+    winding(folder, "render", "film", *words, code=0)
     return folder / "film"
 
 
@@ -128,9 +127,7 @@ def truth(film: Path) -> tuple[np.ndarray, np.ndarray]:
     ],
     ids=lambda words: " ".join(words.values()) or "bgr8",
 )
-def test_every_delivery_of_the_film_is_measured_within_the_specification(
-    film: Path, delivery: dict[str, str]
-) -> None:
+def test_every_delivery_is_measured_to_specification(film: Path, delivery: dict[str, str]) -> None:
     handler = TrackerHandler(TrackerParameters(case=CASE, measure_lay=False))
     list(handler.begin(0.0))
     clouds = [
@@ -167,9 +164,7 @@ def test_exposure_is_judged_with_the_speed_of_the_markers(
     film: Path, tmp_path: Path, exposure_ms: float, code: int, sentence: str
 ) -> None:
     words = ("--camera", film / "camera.yaml", "--case", CASE, "--exposure-ms", exposure_ms)
-    done = winding(tmp_path, "check-film", film, *words)
-    assert done.exit_code == code, done.output
-    assert sentence in done.stdout
+    assert sentence in winding(tmp_path, "check-film", film, *words, code=code).stdout
 
 
 @pytest.fixture
@@ -230,12 +225,12 @@ def test_a_live_tracker_follows_the_film_as_it_is_tracked_offline(
     count = FPS * SECONDS
     assert f"published {count} frames" in out
     ros.spin_until(lambda: len(tracker) == count)
-    done = winding(
+    winding(
         tmp_path,
         *("track", film, "--case", CASE, "--output", "offline.csv", "--no-refine"),
         *("--camera", film / "camera.yaml", "--motion", film / "motion.csv"),
+        code=0,
     )
-    assert done.exit_code == 0, done.output
     with (tmp_path / "offline.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     live = np.concatenate(tracker)
@@ -251,9 +246,7 @@ def test_compressed_frames_of_a_driver_conform(film: Path) -> None:
     where = ("--namespace", NAMESPACE, "--domain", os.environ["ROS_DOMAIN_ID"])
     words = ("--image-transport", "compressed", "--seconds", "2")
     with player(film, "--compressed", "png", "--rate", 0.2) as process:
-        done = subprocess.run(
-            [*COMMAND, "conform", *where, *words], capture_output=True, text=True, check=False
-        )
+        done = ran(*COMMAND, "conform", *where, *words)
         process.send_signal(signal.SIGINT)
     # A film has neither services nor tension.
     assert done.returncode == 1

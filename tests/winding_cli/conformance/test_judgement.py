@@ -35,6 +35,13 @@ def broken(findings: Iterable[Finding]) -> list[str]:
     return [finding.promise for finding in findings if not finding.kept]
 
 
+@pytest.fixture
+def conform(driver: Any, tmp_path: Path, command: Any) -> Callable[..., Any]:
+    """Hold a driver to its promises, by the command."""
+    words = ("conform", "--namespace", driver.namespace, "--no-camera", "--seconds")
+    return lambda *further: command(*words, *further, cwd=tmp_path)
+
+
 def test_a_good_encoder_keeps_every_promise() -> None:
     heard = winding_encoder()
     assert not broken([*judge_stream("rig/joint_states", heard, 50.0), *judge_encoder(heard)])
@@ -106,15 +113,13 @@ def test_a_frame_without_its_calibration_is_found() -> None:
 
 def test_of_two_topics_one_may_be_heard_first_and_last() -> None:
     frames = Heard(stamps=[0.1, 0.2, 0.3, 0.4])
-    calibrations = Heard(stamps=[0.3, 0.4, 0.5])
-    assert not broken(judge_camera(frames, calibrations, winding_encoder()))
+    assert not broken(judge_camera(frames, Heard(stamps=[0.3, 0.4, 0.5]), winding_encoder()))
     assert broken(judge_camera(frames, Heard(), winding_encoder()))
 
 
 def test_a_camera_with_a_clock_of_its_own_is_found() -> None:
     frames = Heard(stamps=[1000.1, 1000.2])
-    found = broken(judge_camera(frames, frames, winding_encoder()))
-    assert found == [CAMERA_CLOCK]
+    assert broken(judge_camera(frames, frames, winding_encoder())) == [CAMERA_CLOCK]
     assert not judge_clock([frames, winding_encoder()]).kept
 
 
@@ -142,7 +147,6 @@ def test_the_cameras_clock_is_a_number_with_its_uncertainty(
     joints = arriving(400.0, offset=-encoder_epoch, latency=0.0002)
     frames = arriving(rate, offset=offset - encoder_epoch, latency=latency)
     lead = camera_lead(frames, joints)
-    assert lead is not None
     # The quickest twentieth of the messages waited for 0.05 ms.
     assert abs(lead.offset - offset) <= lead.error + 2.0e-4
     # Stamps since 1970 are known to 0.24 us.
@@ -161,7 +165,6 @@ def test_a_film_at_a_fifth_of_its_speed_has_one_clock(first: int) -> None:
     joints, frames = (Heard(stamps=list(t), arrived=list(100.0 + 5.0 * t + e)) for e in late)
     frames = Heard(stamps=frames.stamps[first:], arrived=frames.arrived[first:])
     lead = camera_lead(frames, joints)
-    assert lead is not None
     # Messages wait for 2 ms in the mean, which are 0.4 ms of the film.
     assert abs(lead.least) <= 1.0e-3
 
@@ -179,27 +182,16 @@ def test_running_and_standing_leave_a_gap_between_them() -> None:
 @pytest.mark.parametrize(
     ("driver", "broken", "moved"),
     [
-        (
-            {'"rig/{name}", getattr': '"rig/{name}_", getattr'},
-            "BROKEN  rig/start: a std_srvs/srv/Trigger service: not there",
-            False,
-        ),
-        (
-            {"0.0, 0.0, True, True": "0.0, 0.0, False, True"},
-            "BROKEN  rig/start after an emergency stop",
-            True,
-        ),
+        ({'"rig/{name}", getattr': '"rig/{name}_", getattr'},
+         "BROKEN  rig/start: a std_srvs/srv/Trigger service: not there", False),
+        ({"0.0, 0.0, True, True": "0.0, 0.0, False, True"},
+         "BROKEN  rig/start after an emergency stop", True),
     ],
     indirect=["driver"],
     ids=["without services, which moves nothing", "with an emergency stop that does not latch"],
-)
-def test_a_driver_that_breaks_a_promise_is_found(
-    driver: Any, broken: str, moved: bool, tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    done = command(
-        *("conform", "--namespace", driver.namespace, "--no-camera", "--seconds", 0.5, "--move"),
-        cwd=tmp_path,
-    )
+)  # fmt: skip
+def test_a_driver_that_breaks_a_promise_is_found(conform: Any, broken: str, moved: bool) -> None:
+    done = conform(0.5, "--move")
     assert done.returncode == 1
     assert broken in done.stdout
     assert ("both axes wind" in done.stdout) is moved
@@ -207,8 +199,7 @@ def test_a_driver_that_breaks_a_promise_is_found(
 
 @pytest.mark.processes
 def test_no_driver_is_reported_in_one_sentence(tmp_path: Path, command: Callable[..., Any]) -> None:
-    done = command("conform", "--namespace", "empty", "--no-camera", cwd=tmp_path)
-    assert done.returncode == 1
+    done = command("conform", "--namespace", "empty", "--no-camera", cwd=tmp_path, code=1)
     assert "no message on rig/joint_states within 10 s" in done.stderr
     assert done.stderr.count("\n") == 1
 
@@ -242,12 +233,8 @@ ONE_EACH = """for k, name in enumerate(state.name):
     indirect=["driver"],
     ids=["other names", "one joint in each message", "not a number"],
 )
-def test_joint_states_that_are_of_no_use_are_described(
-    driver: Any, sentence: str, tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    done = command(
-        *("conform", "--namespace", driver.namespace, "--no-camera", "--seconds", 1), cwd=tmp_path
-    )
+def test_joint_states_that_are_of_no_use_are_described(conform: Any, sentence: str) -> None:
+    done = conform(1)
     assert done.returncode == 1
     rate, _, rest = done.stderr.strip().removeprefix("winding: ").partition(" ")
     assert int(rate) > 0
@@ -274,13 +261,8 @@ LOST = "rig/joint_targets end in motion: both axes stand within 2 s"
     indirect=["driver"],
     ids=["all kept", "takes early ones", "takes late ones", "lags", "goes on without"],
 )
-def test_what_a_driver_does_with_commands_is_found(
-    driver: Any, broken: str | None, tmp_path: Path, command: Callable[..., Any]
-) -> None:
-    done = command(
-        *("conform", "--namespace", driver.namespace, "--no-camera", "--seconds", 0.5, "--move"),
-        cwd=tmp_path,
-    )
+def test_what_a_driver_does_with_commands_is_found(conform: Any, broken: str | None) -> None:
+    done = conform(0.5, "--move")
     lines = done.stdout.splitlines()
     found = [line.removeprefix("BROKEN  ") for line in lines if line.startswith("BROKEN")]
     assert [line.startswith(broken) for line in found] == ([True] if broken else []), done.stdout

@@ -3,7 +3,6 @@
 import os
 import shutil
 import socket
-import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -12,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from processes import ran
 from winding_cli.commands.doctor import udp_ports
 from winding_cli.doctor import network
 from winding_cli.doctor.finding import Finding, Level
@@ -108,15 +108,9 @@ def test_loopback_that_is_down_is_a_failure() -> None:
         "for finding in judge_loopback(5.0):\n"
         "    print(finding.level.value, finding.found)"
     )
-    if unshare is None or subprocess.run([unshare, "-n", "true"], check=False).returncode:
+    if unshare is None or ran(unshare, "-n", "true").returncode:
         pytest.skip("only root may have a network of its own")
-    done = subprocess.run(
-        [unshare, "-n", sys.executable, "-c", look],
-        capture_output=True,
-        text=True,
-        timeout=120.0,
-        check=True,
-    )
+    done = ran(unshare, "-n", sys.executable, "-c", look, timeout=120.0, check=True)
     unicast, multicast = done.stdout.splitlines()
     assert unicast.startswith("FAIL ")
     assert multicast.startswith("WARN ")

@@ -57,8 +57,7 @@ def test_reading_lies_in_the_middle_of_its_width() -> None:
     monotonic = iter((10.0, 10.5))
     pair = read_clocks(lambda: next(monotonic), lambda: 7.0)
     assert pair == ClockPair(monotonic=10.25, wall=7.0, width=0.5)
-    own = read_clocks(time.monotonic, time.time)
-    assert own.width >= 0.0
+    assert read_clocks(time.monotonic, time.time).width >= 0.0
 
 
 def test_disk_without_room_for_a_run_is_a_failure(small_disk: Path) -> None:
@@ -113,9 +112,7 @@ def test_written_bytes_reach_the_disk_and_go_again(tmp_path: Path) -> None:
         (host.judge_receive_buffer(212_992), OK, ""),
     ],
 )
-def test_the_host_is_held_against_what_a_run_takes(
-    finding: Finding, level: Level, found: str
-) -> None:
+def test_the_host_is_held_against_a_run(finding: Finding, level: Level, found: str) -> None:
     assert finding.level is level
     assert finding.found.startswith(found)
     assert bool(finding.advice) is (level is not OK)
@@ -161,9 +158,7 @@ def test_a_workspace_names_its_maintainer_elsewhere(monkeypatch: pytest.MonkeyPa
 def test_the_finding_reads_what_the_project_states() -> None:
     assert PROJECT["name"] == DISTRIBUTION
     assert set(PROJECT["urls"]) == {"Repository", "Issues", "Security", "Documentation"}
-    facts = installed()
-    assert facts is not None
-    assert facts["Name"] == DISTRIBUTION
+    assert installed()["Name"] == DISTRIBUTION
 
 
 def test_what_stands_in_stands_in_one_place_only() -> None:
