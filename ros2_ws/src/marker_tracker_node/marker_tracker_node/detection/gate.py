@@ -29,7 +29,7 @@ class Detection(NamedTuple):
     z: float  # The same [m]
     share: float  # Measured over expected area of the part that light does not hide
     azimuth_factor: float  # By how much the azimuth's deviation exceeds that of a mark seen whole
-    z_factor: float  # The same of z
+    z_factor: float  # The same of z; infinite where the picture shows nothing of it
     identity: int  # n of the marker Pn that the mark names; NO_IDENTITY where it names none
 
 
