@@ -20,6 +20,9 @@ _AROUND = np.transpose(np.polynomial.legendre.leggauss(5)).tolist()
 (_, MIDDLE_WEIGHT), (INNER, INNER_WEIGHT), (OUTER, OUTER_WEIGHT) = _AROUND[2:]
 # A turn so many radii beside a band hides nothing of it, whatever the camera's side.
 HIDING_REACH = 3.0
+# Cable beside cable lies a diameter away, less what a band that is cut off leaves unknown: turns
+# that seem nearer, in diameters, lie on one another or are measured as one.
+LEAST_APART = 0.8
 SOLVE_STEPS = 8
 SOLVE_TOLERANCE = 2.0e-6
 # A fixed point that contracts has a slope of -1 +- 1 beyond its place; one nearer to zero comes of
@@ -144,8 +147,14 @@ def seen_from(view: CameraView, rho: float, band: Band) -> tuple[float, float]: 
 
 @called
 def own_edges(view: CameraView, body: Body, band: Band) -> tuple[int, int]:  # pragma: no cover
-    """Return whether a band's edges on its -z and +z side are seen, and not cut off, 0 or 1."""
+    """Return whether a band's edges on its -z and +z side are seen, and not cut off, 0 or 1.
+
+    Where turns seem to lie in one another the edge that is seen may be another turn's: what is
+    measured counts as it is there.
+    """
     if band.low == -math.pi and band.high == math.pi:
+        return 1, 1
+    if min(band.below, band.above) < LEAST_APART * 2.0 * body.cable_radius:
         return 1, 1
     outwards, beside = seen_from(view, body.rho + band.lift, band)
     facing = math.atan2(beside, outwards)

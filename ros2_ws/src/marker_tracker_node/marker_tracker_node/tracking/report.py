@@ -16,6 +16,7 @@ from enum import Enum
 import numpy as np
 
 from marker_tracker_node.arrays import FloatArray, IndexArray
+from marker_tracker_node.detection.band import LEAST_APART
 from marker_tracker_node.tracking.estimator.contradictions import Contradiction, explained
 from marker_tracker_node.tracking.estimator.correction import Correction
 from marker_tracker_node.tracking.estimator.fit import LEAST_ROWS, SURE, USUAL
@@ -44,8 +45,6 @@ _MORE = 1.2
 _MOST_REFUSED = 0.01
 # Numbers that say when a band comes back.
 _TURNING = frozenset({"encoder_scale", "frame_times"})
-# Cable beside cable lies a diameter away, less what a band that is cut off leaves unknown.
-CLIMB = 0.8
 
 
 class FrameFault(Enum):
@@ -323,7 +322,7 @@ def crossing(setup: Setup, state: TrackerState) -> str:
         rise = corrected_height(cable, float(marks.theta[n]) - ahead)[0] - marks.height[below]
         higher = lift_at(cable, float(marks.theta[n])) - lift_at(cable, float(marks.theta[below]))
         facing = abs(ahead) * setup.body.rho < 2.0 * setup.body.half_band
-        if facing and abs(rise) < CLIMB * thick and higher < setup.body.cable_radius:
+        if facing and abs(rise) < LEAST_APART * thick and higher < setup.body.cable_radius:
             return (
                 f"P{n} lies on P{below}: their turns are {abs(rise) / MILLIMETRE:.1f} mm apart, "
                 f"the cable is {thick / MILLIMETRE:.1f} mm thick"
