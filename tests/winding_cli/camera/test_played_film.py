@@ -236,9 +236,11 @@ def test_a_live_tracker_follows_the_film_as_it_is_tracked_offline(
     live = np.concatenate(tracker)
     assert [int(row["flags"]) for row in rows] == live["flags"].tolist()
     for name in MEASURED:
-        # The file has nine digits, and stamps are whole nanoseconds at 1.74 rad/s.
+        # The file has nine digits. A gate's sides follow where P0 is expected, which a live clock
+        # tells 0.8 mrad elsewhere: two thousandths of that are left, on a radius of 17 mm.
+        off = 1.6e-6 if "theta" in name else 2.7e-8
         offline = [float(row[name]) for row in rows]
-        np.testing.assert_allclose(live[name], offline, rtol=1.0e-7, atol=1.0e-8, err_msg=name)
+        np.testing.assert_allclose(live[name], offline, rtol=1.0e-7, atol=off, err_msg=name)
 
 
 @pytest.mark.processes

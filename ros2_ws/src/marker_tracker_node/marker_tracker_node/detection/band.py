@@ -265,11 +265,11 @@ def solve_seen_band(
         off = found - azimuth
         change = abs(off) + abs(height - z) / rho
         z = height
-        if change < SOLVE_TOLERANCE:
-            return found, z
         slope = (off - before) / step if step != 0.0 else -1.0
         step, before = (off / -slope if slope < STEEPEST else off), off
         azimuth += step
+        if change < SOLVE_TOLERANCE:
+            break
     return azimuth, z
 
 
