@@ -245,7 +245,7 @@ def measure(
         band: As expected, of which the gate was predicted.
         pixels: That it should fill [px].
         area: Its usual share of them (dimensionless).
-        whole: The same of bands that are seen whole.
+        whole: The same of bands that are seen whole (dimensionless).
         limits: Least and most accepted share of the expected area.
     """
     least, most = limits
