@@ -19,6 +19,7 @@ from marker_tracker_node.tracking.frame.laid_path import (
     PROOF_ADVANCE,
     SAME_ANGLE,
 )
+from marker_tracker_node.tracking.frame.run_means import BIAS
 from marker_tracker_node.tracking.identity import Identified, Paths, identified
 from marker_tracker_node.tracking.p0_search import (
     SEARCH_REACH,
@@ -252,6 +253,7 @@ class RunStart:
         marks.found[numbers] = self._looked - self.origin
         run.shift = math.remainder(found.first.offset + self.origin, math.tau)
         marks.known[numbers], marks.area[numbers] = True, 1.0
+        marks.bias_height[numbers] = BIAS**2
         marks.theta[numbers], marks.height[numbers] = (
             found.theta[sure],
             found.first.z + found.z[sure],

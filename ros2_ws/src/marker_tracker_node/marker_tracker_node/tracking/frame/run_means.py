@@ -35,7 +35,7 @@ BIAS = math.sqrt(SIGHTING**2 - SCATTER**2)
 # cable and of its bend.
 BENT = 0.045
 # Of z, where a band lies on other turns, beside which theirs show: in so many cable diameters, as
-# in ten windings of layers.
+# in sixteen windings of layers.
 RAISED = 0.03
 # What a run, in which a band is seen under every azimuth, leaves of the mask's bias and of that.
 OVER_RUN, BENT_OVER_RUN = 0.7, 0.5
