@@ -87,11 +87,12 @@ leg: $(SHORT) kernels
 	    tests/winding_cli/conformance -m "not campaign"
 
 # What takes minutes: faults, kills, browsers, networks, tutorials, whole films.
-# Both halves, too; what only needs a processor has no deadline.
+# Both halves, too; what only needs a processor has no deadline. Tests of processes stay with their
+# file, whose last ones end the session that the others used.
 campaign: $(WHOLE) kernels
 	failed=0; \
 	    $(BIN)/python -m pytest -n 2 --dist worksteal -m "campaign and not processes" -o timeout=0 $(COUNT) || failed=1; \
-	    $(BIN)/python -m pytest -n 2 --dist worksteal -m "campaign and processes" $(COUNT) || failed=1; \
+	    $(BIN)/python -m pytest -n 2 --dist loadfile -m "campaign and processes" $(COUNT) || failed=1; \
 	    exit $$failed
 
 # Every test once more with its lines counted, which costs a quarter more time; fails below

@@ -199,7 +199,7 @@ def _bias_variances(
     """Return what azimuth [rad^2] and z [m^2] of a band measured in frame k may have in common."""
     angle, height = pixel_size(setup, out.azimuth[k, n])
     cut = out.low[k, n] > -math.pi or out.high[k, n] < math.pi
-    # What scatter does not show; how far a gate cuts is told of z by how much of it is seen.
+    # What scatter does not show; what a cut leaves of z is in the factor of its deviation.
     pixels = BIAS**2 + (SIGHTING**2 if cut else 0.0)
     return angle * angle * pixels, (height * BIAS) ** 2 + bent_height(setup.body) ** 2
 
